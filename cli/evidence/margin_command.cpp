@@ -1,6 +1,5 @@
 // takt margin: how far the stabiliser is from instability, and how old a command the task tolerates.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <memory>
@@ -8,6 +7,7 @@
 #include <vector>
 
 #include "cli/command.hpp"
+#include "cli/evidence/progress.hpp"
 #include "cli/policy_host_option.hpp"
 #include "cli/quantity_option.hpp"
 #include "cli/run/checked_robot.hpp"
@@ -29,13 +29,25 @@ struct MarginOptions {
   bool no_task = false, json = false;
 };
 
-// A robot that walks sways about its way; its velocity is judged over longer.
-constexpr double kArmBound_m = 0.02, kWalkBound_m = 0.3;
-constexpr Duration kArmRollout = seconds(8), kWalkRollout = seconds(12);
+constexpr int kExitRings = 2;  // some joint's phase margin is below 30 degrees
 
-// On a terminal only: one line that is overwritten.
-void show_progress(const std::string& sentence) {
-  if (::isatty(STDERR_FILENO) == 1) fmt::print(stderr, "\r\x1b[K{}", sentence);
+struct TaskDefaults {
+  double bound_m;
+  Duration duration;
+};
+
+// A cart has a way to go when it is told another place, and a robot that walks sways about its way.
+TaskDefaults defaults_of(panel::Task task) {
+  switch (task) {
+    case panel::Task::cart_pole_balance:
+      return {0.4, seconds(12)};
+    case panel::Task::base_velocity:
+      return {0.3, seconds(12)};
+    case panel::Task::arm_tracking:
+    case panel::Task::world:
+      break;
+  }
+  return {0.02, seconds(8)};
 }
 
 std::expected<std::optional<margin::AgeTolerance>, std::string> measure_task(const MarginOptions& options,
@@ -44,21 +56,36 @@ std::expected<std::optional<margin::AgeTolerance>, std::string> measure_task(con
   panel::WorldProcess world(options.world);
   const auto task = panel::task_of(robot, options.world.empty() ? nullptr : &world);
   if (!task) return std::unexpected(task.error());
-  const bool walks = *task == panel::Task::base_velocity;
-  margin::ToleranceSetup setup{.robot_file = options.robot,
-                               .task = *task,
-                               .seeds = options.seeds,
-                               .workers = options.workers,
-                               .safety = options.safety,
-                               .bound_m = walks ? kWalkBound_m : kArmBound_m,
-                               .duration = walks ? kWalkRollout : kArmRollout,
-                               .on_progress = show_progress,
-                               .outside = {options.world, options.policy_host}};
+  const TaskDefaults defaults = defaults_of(*task);
+  Progress progress("rollouts at most");
+  margin::ToleranceSetup setup{
+      .robot_file = options.robot,
+      .task = *task,
+      .seeds = options.seeds,
+      .workers = options.workers,
+      .safety = options.safety,
+      .bound_m = options.has_bound ? options.bound_mm / 1e3 : defaults.bound_m,
+      .duration = defaults.duration,
+      .on_progress = [&](const margin::ToleranceProgress& at) { progress.show(at.rollouts, at.at_most, at.dose); },
+      .outside = {options.world, options.policy_host}};
   std::ranges::copy(options.command, setup.base_velocity.command.begin());
-  if (options.has_bound) setup.bound_m = options.bound_mm / 1e3;
   auto found = margin::age_tolerance(setup);
   if (!found) return std::unexpected(found.error());
   return std::move(*found);
+}
+
+// Why nothing is said of the joints' loops; empty: it is.
+std::string why_not_measured(const MarginOptions& options, const config::RobotConfig& robot) {
+  if (std::string why = margin::no_rest(robot); !why.empty()) return why;
+  return robot.model || options.world.empty() ? "" : "another process plays its mechanics (--world)";
+}
+
+std::expected<std::vector<margin::JointMargins>, std::string> measure_joints(const config::RobotConfig& robot) {
+  Progress progress("joints");
+  return margin::joint_margins({.robot = robot,
+                                .measured = robot,
+                                .pose = margin::home_pose(robot),
+                                .on_joint = [&](std::size_t done, std::size_t of) { progress.show(done, of); }});
 }
 
 int run(const MarginOptions& options) {
@@ -72,28 +99,26 @@ int run(const MarginOptions& options) {
     return config::kExitBadConfiguration;
   }
   const config::RobotConfig& robot = checked->robot;
-  const auto on_joint = [](std::size_t done, std::size_t of) {
-    show_progress(fmt::format("joint {} of {}", done, of));
-  };
+  const std::string not_measured = why_not_measured(options, robot);
+  if (!not_measured.empty() && (options.no_task || !options.svg.empty()))
+    return fail("takt margin", robot.file + ": " + not_measured + "; leave out --no-task and --svg");
   std::expected<std::vector<margin::JointMargins>, std::string> joints;
-  // Of a robot without mechanics of its own there is nothing to compute.
-  const bool has_own = robot.model || robot.simulation->cart_pole || options.world.empty();
-  if (panel::task_of(robot) != panel::Task::base_velocity && has_own)
-    joints = margin::joint_margins(
-        {.robot = robot, .measured = robot, .pose = margin::home_pose(robot), .on_joint = on_joint});
-  else if (options.no_task || !options.svg.empty())
-    return fail("takt margin", robot.file + ": " + margin::kNoInnerLoop + "; leave out --no-task and --svg");
+  if (not_measured.empty()) joints = measure_joints(robot);
   if (!joints) return fail("takt margin", joints.error());
+  if (!options.svg.empty() && std::ranges::none_of(*joints, &margin::JointMargins::has_loop))
+    return fail("takt margin", robot.file + ": no joint has a loop to draw; leave out --svg");
   auto task = measure_task(options, robot);
-  show_progress("");
   if (!task) return fail("takt margin", task.error());
-  const margin::MarginReport report{robot, std::move(*joints), std::move(*task)};
+  const margin::MarginReport report{robot, std::move(*joints), std::move(*task), not_measured};
   if (!options.svg.empty()) {
     if (auto written = monitor::replace_file(options.svg, margin::bode_svg(report.joints)); !written)
       return fail("takt margin", written.error());
   }
   fmt::print("{}", options.json ? margin::to_json(report).dump() + "\n" : margin::margin_text(report));
-  return report.agrees() ? kExitOk : kExitFailed;
+  for (const margin::JointMargins& joint : report.joints)
+    if (joint.rings()) fmt::print(stderr, "takt margin: {}\n", margin::ringing_sentence(joint));
+  if (!report.agrees()) return kExitFailed;
+  return report.rings() ? kExitRings : kExitOk;
 }
 
 }  // namespace
@@ -108,9 +133,10 @@ void add_margin(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(std::uint64_t{margin::kLeastSeeds}, std::uint64_t{100'000}));
   command->add_option("--workers", options->workers, "processes that share the rollouts; results do not depend on it")
       ->check(CLI::Range(1, 1024));
-  CLI::Option* const bound = add_quantity(*command, "--bound", options->bound_mm, "mm",
-                                          "rms error that still is success; a robot that walks: 300 mm unless said")
-                                 ->check(CLI::PositiveNumber);
+  CLI::Option* const bound =
+      add_quantity(*command, "--bound", options->bound_mm, "mm",
+                   "rms error that still is success; unless said 20 mm of an arm, 400 mm of a cart, 300 mm of a walker")
+          ->check(CLI::PositiveNumber);
   command->add_option("--safety", options->safety, "share of what is tolerated that is proposed")
       ->check(CLI::Range(0.01, 1.0));
   command->add_option("--svg", options->svg, "also write the loops' Bode plot");
@@ -122,8 +148,8 @@ void add_margin(CLI::App& app, int& exit_code) {
   command->footer(
       "Example: takt margin config/arm6.yaml --workers 2 --svg bode.svg\n"
       "Exit codes: 0 measured; 1 computed and injected margins differ by more than 10 %, the loop does not come to "
-      "rest, "
-      "or the task fails without any delay; 64 command line; 65 robot file.");
+      "rest, or the task fails without any delay; 2 a joint rings: its phase margin is below 30 degrees;\n"
+      "64 command line; 65 robot file.");
   command->callback([options, bound, &exit_code] {
     options->has_bound = bound->count() != 0;
     exit_code = run(*options);

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -69,27 +70,47 @@ panel::Panel panel_of(const ToleranceSetup& setup, const config::RobotConfig& ro
   return made;
 }
 
+constexpr std::size_t kFirstDose = 4;  // of the doubling
+
+// The most doses that halving what lies between may look at; without any that is good, that of 0 besides.
+std::size_t most_halvings(std::size_t good, std::size_t bad) {
+  return static_cast<std::size_t>(std::bit_width(bad - good - 1)) + (good == 0 ? 1 : 0);
+}
+
+// The most doses that follow the look at `bad`, which doubling has reached.
+std::size_t most_after(std::size_t good, std::size_t bad, std::size_t last) {
+  const std::size_t refused = most_halvings(good, bad);
+  return bad == last ? refused : std::max(refused, 1 + most_after(bad, std::min(2 * bad, last), last));
+}
+
+std::size_t most_doses(double grid_ms, double most_ms) {
+  return 1 + most_after(0, kFirstDose, static_cast<std::size_t>(most_ms / grid_ms));
+}
+
+// What the whole has run, and the most doses that searches still to come may look at.
+struct Work {
+  std::size_t rollouts = 0, later_doses = 0;
+};
+
 // The doses of one panel, looked at one by one.
 class Doses {
  public:
-  Doses(const ToleranceSetup& setup, panel::Contest contest) : setup_(setup), contest_(std::move(contest)) {}
+  Doses(const ToleranceSetup& setup, panel::Contest contest, Work& work)
+      : setup_(setup), contest_(std::move(contest)), work_(work) {}
 
-  std::expected<TolerancePoint, std::string> look_at(std::size_t index) {
+  // `doses_after`: the most that this search looks at after this one; only progress depends on it.
+  std::expected<TolerancePoint, std::string> look_at(std::size_t index, std::size_t doses_after = 0) {
     if (const auto known = seen_.find(index); known != seen_.end()) return known->second;
-    auto rows = run(index);
+    auto rows = run(index, doses_after + work_.later_doses);
     if (!rows) return std::unexpected(rows.error());
-    const TolerancePoint point = judge(index, *rows);
-    if (setup_.on_progress)
-      setup_.on_progress(fmt::format("{} {:g} ms: {} of {} succeeded", contest_.panel().perturbations[index].kind,
-                                     point.dose_ms, point.successes, point.rollouts));
-    return seen_.emplace(index, point).first->second;
+    return seen_.emplace(index, judge(index, *rows)).first->second;
   }
   // The largest tolerated dose: doubling until one is refused, then halving what lies between. The error is look_at's.
   std::expected<std::size_t, std::string> largest_tolerated() {
     const std::size_t last = contest_.panel().perturbations.size() - 1;
-    std::size_t good = 0, bad = 4;
+    std::size_t good = 0, bad = kFirstDose;
     for (;; bad = std::min(2 * bad, last)) {
-      const auto point = look_at(bad);
+      const auto point = look_at(bad, most_after(good, bad, last));
       if (!point) return std::unexpected(point.error());
       if (!point->tolerated) break;
       good = bad;
@@ -97,7 +118,7 @@ class Doses {
     }
     while (bad - good > 1) {
       const std::size_t middle = (good + bad) / 2;
-      const auto point = look_at(middle);
+      const auto point = look_at(middle, std::max(most_halvings(good, middle), most_halvings(middle, bad)));
       if (!point) return std::unexpected(point.error());
       (point->tolerated ? good : bad) = middle;
     }
@@ -112,7 +133,7 @@ class Doses {
 
  private:
   // In order of seed, cut off at the failure that settles it, so that workers do not change the result.
-  std::expected<std::vector<panel::RolloutRow>, std::string> run(std::size_t index) {
+  std::expected<std::vector<panel::RolloutRow>, std::string> run(std::size_t index, std::size_t doses_after) {
     std::vector<panel::RolloutRow> rows;
     std::uint64_t failures = 0;
     for (std::uint64_t first = 1; first <= setup_.seeds && failures < kFailuresShown; first += kBatch) {
@@ -122,11 +143,19 @@ class Doses {
       const auto done = panel::run_in_workers(contest_, batch, setup_.workers, [&](const panel::RanRollout& ran) {
         rows.push_back(ran.row);
         failures += ran.row.success ? 0U : 1U;
+        ++work_.rollouts;
+        tell(index, setup_.seeds - rows.size() + doses_after * setup_.seeds);
         return std::expected<void, std::string>{};
       });
       if (!done) return std::unexpected(done.error());
     }
     return rows;
+  }
+  void tell(std::size_t index, std::size_t most_left) const {
+    if (!setup_.on_progress) return;
+    const panel::PanelPerturbation& looked_at = contest_.panel().perturbations[index];
+    setup_.on_progress(
+        {work_.rollouts, work_.rollouts + most_left, fmt::format("{} {:g} ms", looked_at.kind, looked_at.dose)});
   }
   [[nodiscard]] TolerancePoint judge(std::size_t index, const std::vector<panel::RolloutRow>& rows) const {
     TolerancePoint point;
@@ -150,16 +179,18 @@ class Doses {
   static constexpr std::uint64_t kBatch = 10;
   const ToleranceSetup& setup_;
   panel::Contest contest_;
+  Work& work_;
   std::map<std::size_t, TolerancePoint> seen_;
 };
 
-std::expected<void, std::string> find_age(const ToleranceSetup& setup, const config::RobotConfig& robot,
+std::expected<void, std::string> find_age(const ToleranceSetup& setup, const config::RobotConfig& robot, Work& work,
                                           AgeTolerance& found) {
+  work.later_doses = most_doses(kStallGrid_ms, kMostStall_ms) + most_doses(kSilenceGrid_ms, kMostSilence_ms);
   auto contest = panel::Contest::prepare(panel_of(setup, robot, "publish_delay", kDelayGrid_ms, kMostDelay_ms, 40'000),
                                          setup.outside);
   if (!contest) return std::unexpected(contest.error());
-  Doses doses(setup, std::move(*contest));
-  const auto nominal = doses.look_at(0);
+  Doses doses(setup, std::move(*contest), work);
+  const auto nominal = doses.look_at(0, most_doses(kDelayGrid_ms, kMostDelay_ms));
   if (!nominal) return std::unexpected(nominal.error());
   if (!nominal->tolerated)
     return std::unexpected(
@@ -180,12 +211,13 @@ double two_digits_below(double value) {
   return digit * std::floor(value / digit + 1e-9);
 }
 
-std::expected<void, std::string> find_share(const ToleranceSetup& setup, const config::RobotConfig& robot,
+std::expected<void, std::string> find_share(const ToleranceSetup& setup, const config::RobotConfig& robot, Work& work,
                                             AgeTolerance& found) {
+  work.later_doses = most_doses(kSilenceGrid_ms, kMostSilence_ms);
   auto contest = panel::Contest::prepare(
       panel_of(setup, robot, "inference_stall", kStallGrid_ms, kMostStall_ms, found.max_age_ms), setup.outside);
   if (!contest) return std::unexpected(contest.error());
-  Doses doses(setup, std::move(*contest));
+  Doses doses(setup, std::move(*contest), work);
   const auto largest = doses.largest_tolerated();
   if (!largest) return std::unexpected(largest.error());
   found.misses = doses.points();
@@ -199,13 +231,14 @@ std::expected<void, std::string> find_share(const ToleranceSetup& setup, const c
 }
 
 // Halfway through the rollout the task is under way, and what follows is long enough to be judged.
-std::expected<void, std::string> find_silence(const ToleranceSetup& setup, const config::RobotConfig& robot,
+std::expected<void, std::string> find_silence(const ToleranceSetup& setup, const config::RobotConfig& robot, Work& work,
                                               AgeTolerance& found) {
+  work.later_doses = 0;
   auto contest = panel::Contest::prepare(panel_of(setup, robot, "policy_freeze", kSilenceGrid_ms, kMostSilence_ms,
                                                   found.max_age_ms, Duration{setup.duration.ns / 2}),
                                          setup.outside);
   if (!contest) return std::unexpected(contest.error());
-  Doses doses(setup, std::move(*contest));
+  Doses doses(setup, std::move(*contest), work);
   const auto largest = doses.largest_tolerated();
   if (!largest) return std::unexpected(largest.error());
   found.silences = doses.points();
@@ -223,10 +256,11 @@ std::expected<AgeTolerance, std::string> age_tolerance(const ToleranceSetup& set
   const auto robot = config::load(setup.robot_file);
   if (!robot) return std::unexpected(robot.error());
   AgeTolerance found;
-  if (auto done = find_age(setup, *robot, found); !done) return std::unexpected(done.error());
+  Work work;
+  if (auto done = find_age(setup, *robot, work, found); !done) return std::unexpected(done.error());
   if (found.max_age_ms <= 0) return found;
-  if (auto done = find_share(setup, *robot, found); !done) return std::unexpected(done.error());
-  if (auto done = find_silence(setup, *robot, found); !done) return std::unexpected(done.error());
+  if (auto done = find_share(setup, *robot, work, found); !done) return std::unexpected(done.error());
+  if (auto done = find_silence(setup, *robot, work, found); !done) return std::unexpected(done.error());
   return found;
 }
 

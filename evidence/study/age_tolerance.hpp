@@ -13,6 +13,7 @@
 // Larger doses are presumed to be no easier. Same setup, same result, whatever the number of workers.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <expected>
 #include <functional>
@@ -29,6 +30,11 @@ namespace takt::margin {
 inline constexpr double kConfidence = 0.95;
 inline constexpr std::uint64_t kLeastSeeds = 59;  // fewer cannot show a success rate of 0.95, even without a failure
 
+struct ToleranceProgress {
+  std::size_t rollouts = 0, at_most = 0;  // done, of the most that the search can need
+  std::string dose;                       // looked at now
+};
+
 struct ToleranceSetup {
   std::string robot_file;
   panel::Task task = panel::Task::arm_tracking;
@@ -39,7 +45,7 @@ struct ToleranceSetup {
   double safety = 0.8;  // (0, 1]
   double bound_m = 0.02;
   Duration duration = seconds(8), scored = seconds(2);
-  std::function<void(const std::string& sentence)> on_progress = {};
+  std::function<void(const ToleranceProgress& progress)> on_progress = {};
   panel::OutsideProcesses outside = {};
 };
 

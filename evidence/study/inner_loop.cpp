@@ -53,8 +53,9 @@ std::string not_computable(const config::Joint& joint) {
   return "the drive closes a loop of its own, whose gains the robot file does not know";
 }
 
-bool has_loop(const config::Joint& joint) {
-  return joint.kp > 0 || joint.kd > 0;
+std::string no_loop(const config::Joint& joint) {
+  if (joint.passive) return "passive: no drive moves it";
+  return joint.kp > 0 || joint.kd > 0 ? "" : "kp and kd are 0: the policy alone holds it";
 }
 
 std::expected<InnerLoop, std::string> InnerLoop::make(const config::RobotConfig& robot, plant::Dynamics& dynamics,

@@ -61,7 +61,7 @@ class InnerLoop {
 
 // Why the loop of this joint cannot be computed, or empty.
 std::string not_computable(const config::Joint& joint);
-// Whether the joint has a stabiliser at all.
-bool has_loop(const config::Joint& joint);
+// Why the joint has no stabiliser, or empty.
+std::string no_loop(const config::Joint& joint);
 
 }  // namespace takt::margin

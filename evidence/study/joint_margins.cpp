@@ -3,21 +3,15 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
+#include "evidence/rollout/rollout.hpp"
+#include "evidence/study/gain_advice.hpp"
 #include "evidence/study/injected_sine.hpp"
 #include "simulation/arm_dynamics.hpp"
 #include "simulation/free_inertias.hpp"
 
 namespace takt::margin {
 namespace {
-
-constexpr double kLowest_Hz = 1;
-constexpr double kShareOfNyquist = 0.95;
-
-Sweep sweep_of(Duration step, int points, int refinements) {
-  return {2 * std::numbers::pi * kLowest_Hz, kShareOfNyquist * std::numbers::pi / step.seconds(), points, refinements};
-}
 
 // Remembers what was asked, for the picture.
 LoopResponse remembered(const LoopResponse& response, std::vector<ResponsePoint>& points) {
@@ -47,14 +41,9 @@ double disagreement(const LoopMargins& computed, const LoopMargins& injected) {
 
 JointMargins measure(const MarginSetup& setup, std::size_t joint, const InnerLoop& computed, HoldingLoop& loop) {
   const config::Joint& settings = setup.robot.joints[joint];
-  JointMargins made{.joint = settings.name,
-                    .not_computed = not_computable(settings),
-                    .computed = {},
-                    .injected = {},
-                    .computed_response = {},
-                    .injected_response = {},
-                    .trouble = {},
-                    .disagreement = {}};
+  JointMargins made;
+  made.joint = settings.name;
+  made.not_computed = not_computable(settings);
   if (made.not_computed.empty())
     made.computed = search([&](double omega) { return computed.loop(joint, omega); },
                            sweep_of(computed.step(), 300, 30), made.computed_response);
@@ -63,6 +52,7 @@ JointMargins measure(const MarginSetup& setup, std::size_t joint, const InnerLoo
                          made.injected_response);
   made.trouble = sine.trouble();
   if (made.not_computed.empty()) made.disagreement = disagreement(made.computed, made.injected);
+  if (made.rings()) made.advice = gain_advice(setup.robot, joint, setup.dynamics, setup.pose);
   return made;
 }
 
@@ -70,6 +60,15 @@ JointMargins measure(const MarginSetup& setup, std::size_t joint, const InnerLoo
 
 bool JointMargins::agrees() const {
   return trouble.empty() && (!disagreement || *disagreement <= kAgreement);
+}
+
+std::optional<double> JointMargins::phase_rad() const {
+  if (!computed.phase_rad || !injected.phase_rad) return computed.phase_rad ? computed.phase_rad : injected.phase_rad;
+  return std::min(*computed.phase_rad, *injected.phase_rad);
+}
+
+bool JointMargins::rings() const {
+  return phase_rad() && *phase_rad() < kLeastPhase_rad;
 }
 
 std::expected<std::unique_ptr<plant::Dynamics>, std::string> dynamics_of(const config::RobotConfig& robot) {
@@ -83,6 +82,14 @@ std::expected<std::unique_ptr<plant::Dynamics>, std::string> dynamics_of(const c
   return std::make_unique<plant::FreeInertias>(std::move(inertia));
 }
 
+std::string no_rest(const config::RobotConfig& robot) {
+  if (robot.simulation && robot.simulation->cart_pole)
+    return "its pole falls while the drive holds the cart: no joint comes to rest without the policy";
+  if (panel::task_of(robot) == panel::Task::base_velocity)
+    return "its base is free and falls: no joint comes to rest without the policy";
+  return {};
+}
+
 Eigen::VectorXd home_pose(const config::RobotConfig& robot) {
   Eigen::VectorXd pose(static_cast<Eigen::Index>(robot.joints.size()));
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
@@ -93,6 +100,12 @@ Eigen::VectorXd home_pose(const config::RobotConfig& robot) {
 std::expected<std::vector<JointMargins>, std::string> joint_margins(const MarginSetup& setup) {
   if (!setup.robot.simulation)
     return std::unexpected(setup.robot.file + ": no `simulation`: there is no plant to measure on");
+  std::vector<JointMargins> all(setup.robot.joints.size());
+  for (std::size_t joint = 0; joint < all.size(); ++joint) {
+    all[joint].joint = setup.robot.joints[joint].name;
+    all[joint].no_loop = no_loop(setup.robot.joints[joint]);
+  }
+  if (std::ranges::none_of(all, &JointMargins::has_loop)) return all;
   auto still = setup.dynamics(setup.robot);
   if (!still) return std::unexpected(still.error());
   const auto computed = InnerLoop::make(setup.robot, **still, setup.pose);
@@ -101,10 +114,9 @@ std::expected<std::vector<JointMargins>, std::string> joint_margins(const Margin
   if (!moving) return std::unexpected(moving.error());
   auto loop = HoldingLoop::make(setup.measured, std::move(*moving), setup.pose);
   if (!loop) return std::unexpected(loop.error());
-  std::vector<JointMargins> all;
-  for (std::size_t joint = 0; joint < setup.robot.joints.size(); ++joint) {
-    if (has_loop(setup.robot.joints[joint])) all.push_back(measure(setup, joint, *computed, **loop));
-    if (setup.on_joint) setup.on_joint(joint + 1, setup.robot.joints.size());
+  for (std::size_t joint = 0; joint < all.size(); ++joint) {
+    if (all[joint].has_loop()) all[joint] = measure(setup, joint, *computed, **loop);
+    if (setup.on_joint) setup.on_joint(joint + 1, all.size());
   }
   return all;
 }

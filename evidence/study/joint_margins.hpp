@@ -6,6 +6,7 @@
 #include <expected>
 #include <functional>
 #include <memory>
+#include <numbers>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,14 +22,23 @@ struct ResponsePoint {
   std::complex<double> loop;
 };
 
+// Below this phase margin a loop rings.
+inline constexpr double kLeastPhase_rad = std::numbers::pi / 6;
+
 struct JointMargins {
   std::string joint;
+  std::string no_loop;       // why the joint has no stabiliser, and nothing below; empty: it has one
   std::string not_computed;  // why; empty: it is
   LoopMargins computed, injected;
   std::vector<ResponsePoint> computed_response, injected_response;  // ascending
   std::string trouble;                                              // what spoiled the measurement; empty: nothing
   std::optional<double> disagreement;  // largest relative difference of a margin; absent: nothing to compare
+  std::string advice;                  // of a joint that rings: what to change in the robot file (gain_advice.hpp)
+  [[nodiscard]] bool has_loop() const { return no_loop.empty(); }
   [[nodiscard]] bool agrees() const;
+  // The smaller of both.
+  [[nodiscard]] std::optional<double> phase_rad() const;
+  [[nodiscard]] bool rings() const;
 };
 inline constexpr double kAgreement = 0.10;
 
@@ -45,10 +55,12 @@ struct MarginSetup {
   Eigen::VectorXd pose;
   std::function<void(std::size_t done, std::size_t of)> on_joint = {};
 };
+// Why no joint of this robot comes to rest without its policy, so that no loop can be measured; empty: they do.
+std::string no_rest(const config::RobotConfig& robot);
 Eigen::VectorXd home_pose(const config::RobotConfig& robot);
 
-// One entry per joint that has a stabiliser. The error is one sentence: no simulation, no model the simulator knows, a
-// loop that does not come to rest.
+// One entry per joint. Precondition: no_rest() is empty. The error is one sentence: no simulation, no model the
+// simulator knows, a loop that does not come to rest.
 std::expected<std::vector<JointMargins>, std::string> joint_margins(const MarginSetup& setup);
 
 }  // namespace takt::margin

@@ -9,6 +9,9 @@ namespace {
 
 using Complex = std::complex<double>;
 
+constexpr double kLowest_Hz = 1;
+constexpr double kShareOfNyquist = 0.95;
+
 struct Sampled {
   double log_omega = 0;
   Complex loop;
@@ -70,6 +73,10 @@ void note_gain(const Sampled& at, LoopMargins& margins) {
 }
 
 }  // namespace
+
+Sweep sweep_of(Duration step, int points, int refinements) {
+  return {2 * std::numbers::pi * kLowest_Hz, kShareOfNyquist * std::numbers::pi / step.seconds(), points, refinements};
+}
 
 LoopMargins margins_of(const LoopResponse& response, const Sweep& sweep) {
   LoopMargins margins;

@@ -13,6 +13,8 @@
 #include <functional>
 #include <optional>
 
+#include "executive/contract/mono_time.hpp"
+
 namespace takt::margin {
 
 using LoopResponse = std::function<std::complex<double>(double omega)>;  // rad/s
@@ -30,6 +32,9 @@ struct LoopMargins {
   std::optional<double> crossover;  // rad/s, of the smallest phase margin
   std::optional<double> gain_at;    // rad/s, of the gain margin
 };
+
+// From 1 Hz to 95 % of what a loop sampled at `step` can show.
+Sweep sweep_of(Duration step, int points, int refinements);
 
 LoopMargins margins_of(const LoopResponse& response, const Sweep& sweep);
 

@@ -30,12 +30,15 @@ Json to_json(const LoopMargins& margins) {
 
 Json to_json(const JointMargins& joint) {
   return {{"joint", joint.joint},
-          {"computed", joint.not_computed.empty() ? to_json(joint.computed) : Json()},
+          {"no_loop", joint.no_loop},
+          {"computed", joint.has_loop() && joint.not_computed.empty() ? to_json(joint.computed) : Json()},
           {"not_computed", joint.not_computed},
-          {"injected", to_json(joint.injected)},
+          {"injected", joint.has_loop() ? to_json(joint.injected) : Json()},
           {"trouble", joint.trouble},
           {"disagreement", number(joint.disagreement)},
-          {"agrees", joint.agrees()}};
+          {"agrees", joint.agrees()},
+          {"rings", joint.rings()},
+          {"advice", joint.advice}};
 }
 
 Json to_json(const std::vector<TolerancePoint>& points) {
@@ -126,11 +129,17 @@ bool MarginReport::agrees() const {
   return std::ranges::all_of(joints, &JointMargins::agrees);
 }
 
+bool MarginReport::rings() const {
+  return std::ranges::any_of(joints, &JointMargins::rings);
+}
+
 Json to_json(const MarginReport& report) {
   Json json{{"schema", "takt.margin/1"}, {"robot", report.robot.robot}, {"agreement", kAgreement}};
+  json["not_measured"] = report.not_measured;
   json["joints"] = Json::array();
   for (const JointMargins& joint : report.joints) json["joints"].push_back(to_json(joint));
   json["agrees"] = report.agrees();
+  json["rings"] = report.rings();
   json["task"] = report.tolerance ? to_json(*report.tolerance) : Json();
   return json;
 }
@@ -150,6 +159,7 @@ std::string bode_svg(std::span<const JointMargins> joints) {
   draw_grid(phase, "phase, degrees", 90, body);
   double y = kTop + 10;
   for (std::size_t i = 0; i < joints.size(); ++i) {
+    if (!joints[i].has_loop()) continue;
     const std::string_view colour = kColours[i % kColours.size()];
     draw_joint(joints[i], colour, gain, decibels, body);
     draw_joint(joints[i], colour, phase, phase_deg, body);

@@ -12,20 +12,20 @@
 
 namespace takt::margin {
 
-// Why a robot on a base of its own has no joints in its report.
-inline constexpr const char* kNoInnerLoop =
-    "its base is free: without the policy it falls, and there is no rest to measure a joint's loop at";
-
 struct MarginReport {
   const config::RobotConfig& robot;
   std::vector<JointMargins> joints;
   std::optional<AgeTolerance> tolerance;  // absent: not asked for, or no policy
+  std::string not_measured = {};          // why there are no joints; empty: there are
   [[nodiscard]] bool agrees() const;
+  [[nodiscard]] bool rings() const;
 };
 
+// Of a joint that rings: its margin, and what mends it. One sentence.
+std::string ringing_sentence(const JointMargins& joint);
 std::string margin_text(const MarginReport& report);
 nlohmann::ordered_json to_json(const MarginReport& report);
-// Gain and phase of every joint's loop: lines computed, marks injected.
+// Gain and phase of every joint's loop: lines computed, marks injected. Precondition: some joint has a loop.
 std::string bode_svg(std::span<const JointMargins> joints);
 
 }  // namespace takt::margin

@@ -23,7 +23,10 @@ std::string differ(const JointMargins& joint) {
   return fmt::format("{:.1f} %", *joint.disagreement * 100);
 }
 
+constexpr double kLeastPhase_deg = kLeastPhase_rad * kDegreesPerRad;
+
 std::string joint_lines(const JointMargins& joint) {
+  if (!joint.has_loop()) return fmt::format("{:<18.18}  no loop: {}\n", joint.joint, joint.no_loop);
   const std::optional<double>& crossover = joint.injected.crossover;
   std::string text = fmt::format("{:<18.18}{:>14}  {:>14}  {:>14}{:>7}{:>9}\n", joint.joint,
                                  pair(joint.computed.gain, joint.injected.gain, 1),
@@ -31,6 +34,7 @@ std::string joint_lines(const JointMargins& joint) {
                                  pair(joint.computed.delay_s, joint.injected.delay_s, 1e3),
                                  crossover ? fmt::format("{:.1f}", *crossover * kHertz) : "-", differ(joint));
   if (!joint.not_computed.empty()) text += fmt::format("  not computed: {}\n", joint.not_computed);
+  if (joint.rings()) text += fmt::format("  rings: its phase margin is below {:.0f} degrees\n", kLeastPhase_deg);
   if (!joint.trouble.empty()) text += fmt::format("  spoiled: {}\n", joint.trouble);
   if (joint.disagreement && *joint.disagreement > kAgreement)
     text += fmt::format("  computed and injected differ by more than {:.0f} %\n", kAgreement * 100);
@@ -73,13 +77,18 @@ std::string proposal(const AgeTolerance& found, const config::RobotConfig& robot
 
 }  // namespace
 
+std::string ringing_sentence(const JointMargins& joint) {
+  return fmt::format("joint {} rings: phase margin {:.1f} degrees, below {:.0f}; {}", joint.joint,
+                     joint.phase_rad().value_or(0) * kDegreesPerRad, kLeastPhase_deg, joint.advice);
+}
+
 std::string margin_text(const MarginReport& report) {
   std::string text = fmt::format("inner loop of {}, computed / injected\n", report.robot.robot);
   text += fmt::format("{:<18}{:>14}  {:>14}  {:>14}{:>7}{:>9}\n", "joint", "gain factor", "phase deg", "delay ms",
                       "at Hz", "differ");
   for (const JointMargins& joint : report.joints) text += joint_lines(joint);
-  if (report.joints.empty())
-    text = fmt::format("inner loop of {}, not measured:\n{}\n", report.robot.robot, kNoInnerLoop);
+  if (!report.not_measured.empty())
+    text = fmt::format("inner loop of {}, not measured:\n{}\n", report.robot.robot, report.not_measured);
   if (!report.tolerance) return text;
   text += "\ncommand age, no gate\n" + point_lines(report.tolerance->ages, "delay", false);
   if (!report.tolerance->misses.empty())

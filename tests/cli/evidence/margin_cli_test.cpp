@@ -1,7 +1,8 @@
 // Goal: `takt margin` ends with its documented exit codes and its Bode plot is well-formed. Method: the real binary on
-// the demo arm, without the task, whose rollouts have tests of their own.
+// the shipped robots, without the task, whose rollouts have tests of their own.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -13,12 +14,20 @@ namespace {
 
 class MarginCli : public test::Shell {};
 
-TEST_F(MarginCli, TheDemoArmsMarginsAgree) {
+// Two of the demo arm's joints ring, in agreement.
+TEST_F(MarginCli, TheDemoArmsMarginsAgreeAndTwoJointsRing) {
   const std::string picture = in("bode.svg");
-  const test::Ended ended = takt("margin config/arm6.yaml --no-task --json --svg " + picture);
-  EXPECT_EQ(ended.exit_code, 0) << ended.output;
+  const test::Ended ended = shell("(" TAKT_BIN_DIR "/takt margin config/arm6.yaml --no-task --json --svg " + picture +
+                                  " 2>" + in("said.txt") + ")");
+  EXPECT_EQ(ended.exit_code, 2) << ended.output;
   const auto json = nlohmann::json::parse(ended.output);
   EXPECT_TRUE(json["agrees"]);
+  EXPECT_TRUE(json["rings"]);
+  const std::string said = shell("cat " + in("said.txt")).output;
+  EXPECT_TRUE(said.starts_with("takt margin: joint base_yaw rings: phase margin 29.")) << said;
+  EXPECT_NE(said.find("\ntakt margin: joint shoulder rings: phase margin 25."), std::string::npos) << said;
+  EXPECT_NE(said.find("degrees, below 30; lower gains.kp from 200 to "), std::string::npos) << said;
+  EXPECT_EQ(std::ranges::count(said, '\n'), 2);
   EXPECT_EQ(json["joints"].size(), 6U);
   EXPECT_TRUE(json["task"].is_null());
   const test::Ended parsed = shell(
@@ -26,6 +35,17 @@ TEST_F(MarginCli, TheDemoArmsMarginsAgree) {
       "print(len(s.getElementsByTagName('polyline')))\" " +
       picture);
   EXPECT_EQ(parsed.output, "12\n") << "gain and phase of six joints";
+}
+
+// Without the task nothing is left to say of a robot that falls: one line, which names what mends it.
+TEST_F(MarginCli, ARobotThatFallsHasNoLoopToShow) {
+  for (const std::string robot : {"cart_pole", "balancer"}) {
+    const test::Ended ended = takt("margin config/" + robot + ".yaml --no-task");
+    EXPECT_EQ(ended.exit_code, 1);
+    EXPECT_EQ(std::ranges::count(ended.output, '\n'), 1) << ended.output;
+    EXPECT_NE(ended.output.find("without the policy; leave out --no-task and --svg\n"), std::string::npos)
+        << ended.output;
+  }
 }
 
 TEST_F(MarginCli, BadInputEndsWithOneLine) {

@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
+#include <vector>
 
 namespace takt::margin {
 namespace {
@@ -45,6 +47,44 @@ TEST(AgeTolerance, ProposalFollowsWhatTheTaskTolerates) {
   if (found->stop_after_ms) {
     EXPECT_EQ(*found->stop_after_ms, 5 * std::floor(0.8 * *found->tolerated_silence_ms / 5));
     EXPECT_GT(*found->stop_after_ms, found->max_age_ms);
+  }
+}
+
+// Goal: a robot without an inner loop to measure has its age tolerance. Method: the demo cart, whose pole falls when
+// commands are too old.
+TEST(AgeTolerance, OfACartThatBalancesAPole) {
+  ToleranceSetup setup = small(2);
+  setup.robot_file = "config/cart_pole.yaml";
+  setup.task = panel::Task::cart_pole_balance;
+  setup.bound_m = 0.4;
+  setup.duration = seconds(6);
+  const auto found = age_tolerance(setup);
+  ASSERT_TRUE(found) << found.error();
+  EXPECT_FALSE(found->age_is_open);
+  EXPECT_GT(found->tolerated_age_ms, found->ages.front().age_p50_ms);
+  EXPECT_GT(found->max_age_ms, 0);
+}
+
+// Goal: progress counts each rollout, and the most that there can be is an upper bound that only falls, to what was
+// run. Method: the smallest search.
+TEST(AgeTolerance, ProgressSaysHowMuchIsLeftAtMost) {
+  std::vector<ToleranceProgress> all;
+  ToleranceSetup setup = small(2);
+  setup.on_progress = [&](const ToleranceProgress& one) { all.push_back(one); };
+  const auto found = age_tolerance(setup);
+  ASSERT_TRUE(found) << found.error();
+  std::size_t rollouts = 0;
+  for (const auto* points : {&found->ages, &found->misses, &found->silences})
+    for (const TolerancePoint& point : *points) rollouts += point.rollouts;
+  ASSERT_EQ(all.size(), rollouts);
+  EXPECT_EQ(all.front().dose, "publish_delay 0 ms");
+  EXPECT_TRUE(all.back().dose.starts_with("policy_freeze ")) << all.back().dose;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    EXPECT_EQ(all[i].rollouts, i + 1);
+    EXPECT_GE(all[i].at_most, rollouts);
+    if (i > 0) {
+      EXPECT_LE(all[i].at_most, all[i - 1].at_most);
+    }
   }
 }
 

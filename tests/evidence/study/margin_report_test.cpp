@@ -16,13 +16,15 @@ LoopMargins margins(double gain) {
 
 JointMargins joint(double computed, double injected, double disagreement) {
   return {.joint = "a_joint_with_a_rather_long_name",
+          .no_loop = {},
           .not_computed = {},
           .computed = margins(computed),
           .injected = margins(injected),
           .computed_response = {{1, {10, -1}}, {100, {0.1, -0.2}}},
           .injected_response = {{2, {9, -1}}, {90, {0.1, -0.2}}},
           .trouble = {},
-          .disagreement = disagreement};
+          .disagreement = disagreement,
+          .advice = {}};
 }
 
 MarginReport report(const config::RobotConfig& robot, std::vector<JointMargins> joints) {
@@ -63,13 +65,59 @@ TEST(MarginReport, KeepsToEightyColumns) {
   for (std::string line; std::getline(lines, line);) EXPECT_LE(line.size(), 80U) << line;
 }
 
-// Goal: a robot whose joints have no rest to be measured at says so. Method: a report without joints.
+// Goal: a robot whose joints have no rest to be measured at says so, and the task is shown all the same. Method: a
+// report without joints.
 TEST(MarginReport, SaysWhyThereIsNoInnerLoop) {
   const config::RobotConfig robot;
-  const std::string text = margin_text(report(robot, {}));
-  EXPECT_NE(text.find(kNoInnerLoop), std::string::npos);
+  MarginReport of_none = report(robot, {});
+  of_none.not_measured = "its pole falls";
+  const std::string text = margin_text(of_none);
+  EXPECT_EQ(text.find("inner loop of , not measured:\nits pole falls\n\ncommand age, no gate\n"), 0U) << text;
+  EXPECT_EQ(to_json(of_none)["not_measured"], "its pole falls");
   EXPECT_NE(text.find("silence tolerated 250 ms"), std::string::npos);
   EXPECT_NE(text.find("stop_after 200 ms"), std::string::npos);
+}
+
+// Goal: a joint without a loop of its own has one line, and spoils nothing. Method: one beside a measured joint.
+TEST(MarginReport, AJointWithoutALoopHasOneLine) {
+  const config::RobotConfig robot;
+  JointMargins encoder;
+  encoder.joint = "pole";
+  encoder.no_loop = "passive: no drive moves it";
+  const MarginReport both = report(robot, {joint(10, 10.5, 0.05), encoder});
+  EXPECT_TRUE(both.agrees());
+  EXPECT_FALSE(both.rings());
+  EXPECT_NE(margin_text(both).find("\npole                no loop: passive: no drive moves it\n"), std::string::npos)
+      << margin_text(both);
+  EXPECT_TRUE(to_json(both)["joints"][1]["injected"].is_null());
+  EXPECT_EQ(bode_svg(both.joints).find("pole"), std::string::npos);
+}
+
+// Goal: the smaller of a joint's two phase margins says whether it rings, and the sentence names joint, margin and what
+// mends it. Method: 30 degrees from both sides, each of the two the smaller one.
+TEST(MarginReport, BelowThirtyDegreesAJointRings) {
+  const config::RobotConfig robot;
+  const double limit = kLeastPhase_rad;
+  const auto with = [](std::optional<double> computed, std::optional<double> injected) {
+    JointMargins made = joint(10, 10, 0);
+    made.computed.phase_rad = computed;
+    made.injected.phase_rad = injected;
+    made.advice = "raise gains.kd from 2 to 2.6 Nms/rad";
+    return made;
+  };
+  EXPECT_FALSE(with(limit, limit + 0.01).rings());
+  EXPECT_TRUE(with(limit - 0.01, limit + 0.01).rings());
+  EXPECT_TRUE(with(limit + 0.01, limit - 0.01).rings());
+  EXPECT_TRUE(with({}, limit - 0.01).rings()) << "a loop inside a drive is measured only";
+  EXPECT_FALSE(with({}, {}).rings()) << "a loop that never reaches gain 1 has no phase margin to lack";
+  const MarginReport ringing = report(robot, {joint(10, 10.5, 0.05), with(0.5, 0.6)});
+  EXPECT_TRUE(ringing.rings());
+  EXPECT_NE(margin_text(ringing).find("\n  rings: its phase margin is below 30 degrees\n"), std::string::npos);
+  EXPECT_TRUE(to_json(ringing)["joints"][1]["rings"]);
+  EXPECT_EQ(
+      ringing_sentence(ringing.joints[1]),
+      "joint a_joint_with_a_rather_long_name rings: phase margin 28.6 degrees, below 30; raise gains.kd from 2 to "
+      "2.6 Nms/rad");
 }
 
 TEST(MarginReport, JsonHoldsTheProposal) {
