@@ -121,8 +121,13 @@ void ChildProcess::end(std::chrono::milliseconds limit) {
 std::string ChildProcess::how_it_ended() const {
   if (!wait_status_) return {};
   if (WIFEXITED(*wait_status_)) return fmt::format("exited with {}", WEXITSTATUS(*wait_status_));
+  return "was killed by " + ended_by();
+}
+
+std::string ChildProcess::ended_by() const {
+  if (!wait_status_ || WIFEXITED(*wait_status_)) return {};
   const char* abbreviation = sigabbrev_np(WTERMSIG(*wait_status_));
-  return fmt::format("was killed by SIG{}", abbreviation ? abbreviation : "?");
+  return fmt::format("SIG{}", abbreviation ? abbreviation : "?");
 }
 
 std::optional<int> ChildProcess::exit_code() const {

@@ -50,6 +50,8 @@ class ChildProcess {
   [[nodiscard]] const Options& options() const { return options_; }
   // "exited with 70", "killed by SIGKILL"; empty while it lives.
   [[nodiscard]] std::string how_it_ended() const;
+  // "SIGKILL"; empty while it lives, and if it exited.
+  [[nodiscard]] std::string ended_by() const;
   // Exit status, 128 + signal number, or nothing while it lives.
   [[nodiscard]] std::optional<int> exit_code() const;
   // Last lines of its log, indented, for messages.

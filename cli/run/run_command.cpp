@@ -19,6 +19,7 @@
 #include "config/paths.hpp"
 #include "executive/ipc/rendezvous.hpp"
 #include "monitor/record/run_folder.hpp"
+#include "simulation/scenario.hpp"
 
 namespace takt::cli {
 namespace {
@@ -116,6 +117,12 @@ int run(const Given& given) {
   auto events = parse_scenario(given.at, given.policy_host.empty() ? given.policy : std::vector<std::string>());
   if (!events) return refuse(kExitUsage, events.error());
   options.events = std::move(*events);
+  options.plant_scenario = plant_scenario_of(given.plant);
+  // What cannot be read is refused by the plant, in the same words as ever.
+  if (const auto scenario = plant::load_scenario(options.plant_scenario, robot);
+      !options.plant_scenario.empty() && scenario)
+    for (const plant::FaultEvent& fault : scenario->events)
+      options.plant_faults.push_back(fmt::format("{}: {}", fault.target_name, plant::text_of(fault)));
   if (!given.duration.empty()) {
     const auto duration = parse_duration(given.duration);
     if (!duration) return refuse(kExitUsage, "--duration " + duration.error());

@@ -131,15 +131,14 @@ std::expected<void, std::string> add_event(const std::string& line, std::vector<
   return {};
 }
 
-// The values of --fault among further options of takt-policy-host.
-std::vector<std::string> faults_in(const std::vector<std::string>& arguments) {
-  constexpr std::string_view kOption = "--fault", kWithValue = "--fault=";
-  std::vector<std::string> faults;
+// The values of an option in the command line of another program of ours.
+std::vector<std::string> values_of(const std::string& option, const std::vector<std::string>& arguments) {
+  std::vector<std::string> values;
   for (std::size_t at = 0; at < arguments.size(); ++at) {
-    if (arguments[at].starts_with(kWithValue)) faults.push_back(arguments[at].substr(kWithValue.size()));
-    if (arguments[at] == kOption && at + 1 < arguments.size()) faults.push_back(arguments[++at]);
+    if (arguments[at].starts_with(option + "=")) values.push_back(arguments[at].substr(option.size() + 1));
+    if (arguments[at] == option && at + 1 < arguments.size()) values.push_back(arguments[++at]);
   }
-  return faults;
+  return values;
 }
 
 }  // namespace
@@ -169,13 +168,18 @@ std::expected<std::vector<Event>, std::string> parse_scenario(const std::vector<
   std::vector<Event> events;
   for (const std::string& line : lines)
     if (auto added = add_event(line, events); !added) return std::unexpected(added.error());
-  const std::vector<std::string> faults = faults_in(policy_arguments);
+  const std::vector<std::string> faults = values_of("--fault", policy_arguments);
   const auto windows = policy_host::parse_host_faults(faults);
   if (!windows) return std::unexpected("--policy=" + windows.error());
   for (std::size_t i = 0; i < faults.size(); ++i)
     events.push_back({(*windows)[i].from, ActionKind::fault, ProcessName::policy, faults[i], (*windows)[i].length});
   std::ranges::stable_sort(events, {}, &Event::at);
   return events;
+}
+
+std::string plant_scenario_of(const std::vector<std::string>& plant_arguments) {
+  const std::vector<std::string> files = values_of("--scenario", plant_arguments);
+  return files.empty() ? std::string() : files.back();
 }
 
 std::string as_given(const Event& event) {

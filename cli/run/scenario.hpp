@@ -54,6 +54,8 @@ std::expected<Duration, std::string> parse_duration(std::string_view text);
 // In order of time; a freeze brings its thaw along. `policy_arguments`: of takt-policy-host, whose --fault are events.
 std::expected<std::vector<Event>, std::string> parse_scenario(const std::vector<std::string>& lines,
                                                               const std::vector<std::string>& policy_arguments = {});
+// The scenario file among further options of takt-plant; empty: none.
+std::string plant_scenario_of(const std::vector<std::string>& plant_arguments);
 // "--at '3 s: kill policy'", as its user would look for it on the command line.
 std::string as_given(const Event& event);
 // The end of an earlier one, which the run's end brings as well.

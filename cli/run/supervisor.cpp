@@ -9,9 +9,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "cli/command.hpp"
 #include "cli/run/status_text.hpp"
+#include "config/load.hpp"
+#include "monitor/record/bounded_file.hpp"
 
 namespace takt::cli {
 namespace {
@@ -62,6 +66,8 @@ Supervisor::Supervisor(const config::RobotConfig& robot, RunOptions options)
       processes_(robot_, options_.place),
       display_(robot.freshness.max_age),
       contention_(robot_, options_.place.runtime_directory + "/logs/load.log"),
+      events_(options_.place.run_directory),
+      plant_log_(options_.place.runtime_directory + "/logs/takt-plant.log"),
       person_(options_.rearm_after),
       made_at_(steady_now()) {
   signal(SIGPIPE, SIG_IGN);  // who reads our screen may leave; the robot goes on
@@ -81,6 +87,7 @@ Duration Supervisor::now() const {
 }
 
 int Supervisor::run() {
+  note_beginning();
   Outcome outcome = start_all();
   if (outcome && options_.arm) outcome = arm();
   if (outcome) outcome = follow();
@@ -89,7 +96,12 @@ int Supervisor::run() {
   if (!end.sentence.empty()) std::fprintf(end.exit_code == 0 ? stdout : stderr, "%s\n", end.sentence.c_str());
   if (const auto last = processes_.ask(OperatorVerb::status)) incident_ = last->incident;
   miss_the_rest();
+  events_.note("ending", {{"because", end.sentence.empty() ? "the duration is over" : end.sentence}});
   processes_.end_all();
+  for (const ProcessName process : processes_.wanted()) note_ended(process);
+  note_plant_faults();
+  for (const std::string& fault : options_.plant_faults)
+    miss(fmt::format("{}: {}", options_.plant_scenario, fault), "its instant did not come");
   for (const ProcessName process : {ProcessName::executive, ProcessName::monitor}) {
     const ChildProcess* child = processes_.find(process);
     const bool as_asked = !child || child->exit_code() == 0 || reported_dead_.contains(process);
@@ -109,8 +121,47 @@ int Supervisor::run() {
   return end.exit_code == kExitOk ? exit_code_of_the_dead() : end.exit_code;
 }
 
-void Supervisor::miss(const Event& event, const std::string& why) {
-  never_happened_.push_back(fmt::format("{}: {}", as_given(event), why));
+void Supervisor::miss(const std::string& given, const std::string& why) {
+  never_happened_.push_back(fmt::format("{}: {}", given, why));
+  events_.note("missed", {{"given", given}, {"why", why}});
+}
+
+void Supervisor::note_beginning() {
+  nlohmann::ordered_json command = nlohmann::ordered_json::array();
+  std::ifstream words("/proc/self/cmdline");
+  for (std::string word; std::getline(words, word, '\0');) command.push_back(word);
+  events_.note("run", {{"command", command}, {"robot_file", options_.place.robot_file}});
+  if (options_.plant_scenario.empty()) return;
+  const auto text = monitor::read_file(options_.plant_scenario);
+  if (!text) return;
+  events_.note("scenario", {{"file", options_.plant_scenario}, {"sha256", config::sha256_hex(*text)}, {"text", *text}});
+}
+
+void Supervisor::note_started(ProcessName process) {
+  if (const ChildProcess* const child = processes_.find(process))
+    events_.note("started", {{"process", label(process)}, {"pid", child->pid()}});
+}
+
+void Supervisor::note_ended(ProcessName process) {
+  const ChildProcess* const child = processes_.find(process);
+  if (child == nullptr || child->how_it_ended().empty() || !noted_ended_.insert(child->pid()).second) return;
+  const std::string how = child->how_it_ended(), signal = child->ended_by();
+  events_.note("ended", {{"process", label(process)},
+                         {"pid", child->pid()},
+                         {"how", how},
+                         {"signal", signal.empty() ? nlohmann::ordered_json() : nlohmann::ordered_json(signal)},
+                         {"exit_code", signal.empty() ? nlohmann::ordered_json(child->exit_code().value_or(0))
+                                                      : nlohmann::ordered_json()}});
+}
+
+// Each instant is the plant's own word.
+void Supervisor::note_plant_faults() {
+  if (options_.plant_scenario.empty()) return;
+  for (const PlantLog::Line& line : plant_log_.news()) {
+    events_.note("fault", {{"given", options_.plant_scenario}, {"what", line.what}}, line.at);
+    if (const auto due = std::ranges::find(options_.plant_faults, line.what); due != options_.plant_faults.end())
+      options_.plant_faults.erase(due);
+  }
 }
 
 void Supervisor::miss_the_rest() {
@@ -118,7 +169,7 @@ void Supervisor::miss_the_rest() {
       tracking_since_ ? fmt::format("the run ended {:.1f} s after tracking began", (now() - *tracking_since_).seconds())
                       : std::string("tracking never began") + (options_.arm ? "" : "; takt run arms with --arm");
   for (; next_event_ < options_.events.size(); ++next_event_)
-    if (!is_end(options_.events[next_event_])) miss(options_.events[next_event_], why);
+    if (!is_end(options_.events[next_event_])) miss(as_given(options_.events[next_event_]), why);
 }
 
 // Of a process that failed meanwhile, of itself, and that the run went on without.
@@ -143,6 +194,7 @@ Supervisor::Outcome Supervisor::start_all() {
   for (const ProcessName process : processes_.wanted()) {
     if (auto started = processes_.start(process); !started)
       return std::unexpected(End{kExitUnavailable, started.error()});
+    note_started(process);
     if (auto ready = wait_ready(process); !ready) return ready;
   }
   ready_at_ = now();
@@ -222,7 +274,10 @@ void Supervisor::see(const OperatorReply& reply) {
     display_.note(incident_sentence(reply.incident));
   incident_ = reply.incident;
   const bool tracks = status.tick.mode == Mode::tracking || status.tick.mode == Mode::degraded;
-  if (!tracking_since_ && tracks) tracking_since_ = answered_at_;
+  if (!tracking_since_ && tracks) {
+    tracking_since_ = answered_at_;
+    events_.note("tracking", {{"note", "instants of --at count from here"}});
+  }
   display_.show(answered_at_ - tracking_since_.value_or(*ready_at_), status);
   rearm(status.tick.mode);
 }
@@ -256,6 +311,7 @@ Supervisor::Outcome Supervisor::look_after_children() {
     ChildProcess* child = processes_.find(process);
     if (!child || child->alive() || !ready_at_) continue;
     if (!reported_dead_.insert(process).second) continue;
+    note_ended(process);
     display_.note(fmt::format("{} {}", label(process), child->how_it_ended()));
     // A program that ended by itself said why; one that was killed could not.
     if (std::string words = child->last_words(); child->exit_code() && !words.empty() && !is_essential(process)) {
@@ -269,6 +325,8 @@ Supervisor::Outcome Supervisor::look_after_children() {
     if (options_.restart) (void)restart(process);
   }
   contention_.reap();
+  events_.flush();
+  note_plant_faults();
   return {};
 }
 
@@ -276,9 +334,14 @@ std::string Supervisor::restart(ProcessName process) {
   std::string why;
   if (ChildProcess* child = processes_.find(process); child && child->alive())
     why = fmt::format("{} still runs", label(process));
-  else if (auto started = processes_.start(process); !started)
-    why = started.error();
-  if (why.empty()) reported_dead_.erase(process);
+  if (why.empty()) {
+    note_ended(process);
+    if (auto started = processes_.start(process); !started) why = started.error();
+  }
+  if (why.empty()) {
+    reported_dead_.erase(process);
+    note_started(process);
+  }
   display_.note(why.empty() ? fmt::format("{} restarted", label(process)) : why);
   return why;
 }
@@ -288,6 +351,10 @@ Supervisor::Outcome Supervisor::fire_due_events() {
          now() >= *tracking_since_ + options_.events[next_event_].at) {
     const Event& event = options_.events[next_event_++];
     display_.note(fmt::format("{:6.1f} s  script: {}", event.at.seconds(), event.text));
+    events_.note("script", {{"given", as_given(event)},
+                            {"action", name(event.action)},
+                            {"process", label(event.process)},
+                            {"length_ns", event.length.ns}});
     if (auto fired = fire(event); !fired) return fired;
   }
   return {};
@@ -309,7 +376,7 @@ Supervisor::Outcome Supervisor::fire(const Event& event) {
           event.process == ProcessName::policy && !options_.restart && config::fallback_policy_of(robot_) == nullptr;
       return {};
     case ActionKind::start:
-      if (const std::string why = restart(event.process); !why.empty()) miss(event, why);
+      if (const std::string why = restart(event.process); !why.empty()) miss(as_given(event), why);
       return {};
     case ActionKind::hog:
     case ActionKind::throttle:
@@ -338,18 +405,18 @@ Supervisor::Outcome Supervisor::fire(const Event& event) {
 void Supervisor::send(const Event& event, int signal) {
   ChildProcess* const child = processes_.find(event.process);
   if (child != nullptr && child->alive()) return child->signal(signal);
-  if (!is_end(event)) miss(event, fmt::format("{} did not run then", label(event.process)));
+  if (!is_end(event)) miss(as_given(event), fmt::format("{} did not run then", label(event.process)));
 }
 
 void Supervisor::request(const Event& event, OperatorVerb verb) {
   const auto reply = processes_.ask(verb);
   if (!reply) {
     display_.note(reply.error());
-    return miss(event, reply.error());
+    return miss(as_given(event), reply.error());
   }
   const std::vector<std::string> sentences = sentences_of(*reply);
   for (const std::string& sentence : sentences) display_.note(sentence);
-  if (reply->done == 0) miss(event, sentences.empty() ? "it was refused" : sentences.front());
+  if (reply->done == 0) miss(as_given(event), sentences.empty() ? "it was refused" : sentences.front());
 }
 
 void Supervisor::rearm(Mode mode) {
@@ -361,7 +428,9 @@ void Supervisor::rearm(Mode mode) {
   }
   const OperatorVerb verb = step == OperatorStep::arm ? OperatorVerb::arm : OperatorVerb::reset;
   const auto reply = processes_.ask(verb);
-  if (reply && reply->done != 0) display_.note(verb == OperatorVerb::arm ? "armed again" : "the stop was reset");
+  if (!reply || reply->done == 0) return;
+  display_.note(verb == OperatorVerb::arm ? "armed again" : "the stop was reset");
+  events_.note("request", {{"given", "--rearm-after"}, {"action", verb == OperatorVerb::arm ? "arm" : "reset"}});
 }
 
 Supervisor::Outcome Supervisor::pause(Duration until) {

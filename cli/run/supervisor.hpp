@@ -15,7 +15,9 @@
 #include <vector>
 
 #include "cli/run/contention.hpp"
+#include "cli/run/event_log.hpp"
 #include "cli/run/live_display.hpp"
+#include "cli/run/plant_log.hpp"
 #include "cli/run/rearming.hpp"
 #include "cli/run/robot_processes.hpp"
 #include "cli/run/scenario.hpp"
@@ -28,8 +30,10 @@ struct RunOptions {
   std::vector<Event> events;  // in order of time
   bool arm = false;
   bool restart = false;
-  std::optional<Duration> rearm_after = {};  // from a stop or fault; empty: nobody ends them
-  bool to_the_end = false;                   // for the whole duration, even if the robot rests after a scripted stop
+  std::optional<Duration> rearm_after = {};    // from a stop or fault; empty: nobody ends them
+  bool to_the_end = false;                     // for the whole duration, even if the robot rests after a scripted stop
+  std::string plant_scenario = {};             // file that takt-plant plays; empty: none
+  std::vector<std::string> plant_faults = {};  // that are in it: "elbow: silent for 200 ms"
 };
 
 class Supervisor {
@@ -60,9 +64,14 @@ class Supervisor {
   // Why it could not; empty: it runs.
   std::string restart(ProcessName process);
   void request(const Event& event, OperatorVerb verb);
-  // What was asked for and did not happen, because of `why`.
-  void miss(const Event& event, const std::string& why);
+  // What was asked for, in the words of its user, and did not happen.
+  void miss(const std::string& given, const std::string& why);
   void miss_the_rest();
+  // For events.jsonl.
+  void note_beginning();
+  void note_started(ProcessName process);
+  void note_ended(ProcessName process);
+  void note_plant_faults();
   void rearm(Mode mode);
   void see(const OperatorReply& reply);
   // The last word about a robot that stands: in which stop or fault, and the exit code that it calls for.
@@ -80,6 +89,8 @@ class Supervisor {
   RobotProcesses processes_;
   LiveDisplay display_;
   Contention contention_;
+  EventLog events_;
+  PlantLog plant_log_;
   Rearming person_;
   int signals_ = -1;  // signalfd
   Duration made_at_;
@@ -89,7 +100,8 @@ class Supervisor {
   IncidentNote incident_;  // as of then
   std::set<ProcessName> reported_dead_, killed_by_script_;
   std::vector<std::string> never_happened_;  // sentences
-  bool script_ends_run_ = false;             // it killed the policy or asked for a stop
+  std::set<pid_t> noted_ended_;
+  bool script_ends_run_ = false;  // it killed the policy or asked for a stop
 };
 
 }  // namespace takt::cli

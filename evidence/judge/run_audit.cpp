@@ -29,6 +29,9 @@ std::string audit_text(const RunAudit& audit) {
     also("not sealed");
   } else {
     line("seal", fmt::format("{} files, {} segments", audit.seal->files, audit.seal->segments));
+    if (audit.seal->events_behind != 0)
+      line("", fmt::format("not sealed: the last {} bytes of events.jsonl, written after the run was closed",
+                           audit.seal->events_behind));
     for (const std::string& sentence : audit.seal->altered) line("", "differs: " + sentence);
     if (!audit.seal->closed) line("", "missing: the recorder was ended before it closed the run");
     also(!audit.seal->altered.empty() ? "not as it was recorded" : audit.seal->closed ? "sealed" : "sealed in part");
@@ -66,6 +69,7 @@ nlohmann::ordered_json to_json(const RunAudit& audit) {
     json["seal"] = {{"closed", audit.seal->closed},
                     {"files", audit.seal->files},
                     {"segments", audit.seal->segments},
+                    {"events_behind", audit.seal->events_behind},
                     {"altered", audit.seal->altered}};
   if (audit.replay) json["replay"] = monitor::to_json(*audit.replay);
   if (audit.signed_by)

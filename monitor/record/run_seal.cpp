@@ -13,6 +13,7 @@
 
 #include "config/sha256.hpp"
 #include "monitor/record/bounded_file.hpp"
+#include "monitor/record/run_events.hpp"
 #include "monitor/record/run_manifest.hpp"
 
 namespace takt::monitor {
@@ -20,7 +21,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::array<std::string_view, 3> kGrown{"ticks.mcap", "can.log", "transitions.jsonl"};
+constexpr std::array<std::string_view, 4> kGrown{"ticks.mcap", "can.log", "transitions.jsonl", kEventsFile};
 constexpr std::array<std::string_view, 3> kWhole{"manifest.json", "config.yaml", "drives.json"};
 constexpr std::string_view kImages = "images/";
 constexpr std::uintmax_t kLargestSeal = 64U << 20U;
@@ -94,7 +95,9 @@ std::string next_segment(std::ifstream& in, std::uint64_t bytes) {
 std::string altered_segment(const RunFolder& folder, const std::string& name,
                             const std::vector<SealedSegment>& segments, bool closed) {
   const std::string path = folder.path() + "/" + name;
+  const bool goes_on = name == kEventsFile;
   std::error_code error;
+  if (goes_on && segments.empty()) return {};
   if (!std::filesystem::is_regular_file(path, error)) return name + " is not there";
   std::ifstream in(path, std::ios::binary);
   std::uint64_t from = 0;
@@ -107,8 +110,39 @@ std::string altered_segment(const RunFolder& folder, const std::string& name,
     since = until;
   }
   const std::uintmax_t size = std::filesystem::file_size(path, error);
-  return closed && size != from ? fmt::format("{} has {} bytes that were not recorded", name, size - from)
-                                : std::string();
+  return closed && !goes_on && size != from ? fmt::format("{} has {} bytes that were not recorded", name, size - from)
+                                            : std::string();
+}
+
+// What the supervisor wrote so far. It may say more later: how its processes ended.
+Json sealed_events(const RunFolder& folder, std::int64_t until_unix_ns) {
+  Json segments = Json::array();
+  const auto text = read_file(folder.path() + "/" + std::string(kEventsFile));
+  if (!text || text->empty()) return segments;
+  config::Sha256 sha;
+  sha.add(std::as_bytes(std::span(*text)));
+  segments.push_back({{"bytes", text->size()}, {"until_unix_ns", until_unix_ns}, {"sha256", sha.hex()}});
+  return segments;
+}
+
+std::uint64_t bytes_of(const std::vector<SealedSegment>& segments) {
+  std::uint64_t bytes = 0;
+  for (const SealedSegment& one : segments) bytes += one.bytes;
+  return bytes;
+}
+
+// The text of seal.json, read; the error as check_run_seal has it.
+std::expected<ReadSeal, std::string> read_seal(const RunFolder& folder) {
+  std::error_code error;
+  const std::uintmax_t size = std::filesystem::file_size(folder.seal(), error);
+  if (error)
+    return std::unexpected("it has no seal.json: an earlier version recorded it, or a monitor that was killed");
+  if (size > kLargestSeal) return std::unexpected("seal.json is too large");
+  const auto text = read_file(folder.seal());
+  if (!text) return std::unexpected(text.error());
+  auto seal = read(Json::parse(*text, nullptr, false), *text);
+  if (!seal) return std::unexpected(fmt::format("seal.json is no seal of this version ({})", kRunSealSchema));
+  return std::move(*seal);
 }
 
 }  // namespace
@@ -124,26 +158,23 @@ std::expected<std::string, std::string> run_seal_text(const RunFolder& folder, c
       json["files"][name] = std::move(*hash);
     }
   }
+  std::int64_t until_unix_ns = 0;
   for (const GrownFile& file : grown) {
     Json segments = Json::array();
     for (const SealedSegment& one : file.segments)
       segments.push_back({{"bytes", one.bytes}, {"until_unix_ns", one.until_unix_ns}, {"sha256", one.sha256}});
     json["segments"][std::string(file.name)] = std::move(segments);
+    if (!file.segments.empty()) until_unix_ns = std::max(until_unix_ns, file.segments.back().until_unix_ns);
   }
+  json["segments"][std::string(kEventsFile)] = closed ? sealed_events(folder, until_unix_ns) : Json::array();
   return json.dump(2) + "\n";
 }
 
 std::expected<CheckedSeal, std::string> check_run_seal(const RunFolder& folder) {
-  std::error_code error;
-  const std::uintmax_t size = std::filesystem::file_size(folder.seal(), error);
-  if (error)
-    return std::unexpected("it has no seal.json: an earlier version recorded it, or a monitor that was killed");
-  if (size > kLargestSeal) return std::unexpected("seal.json is too large");
-  const auto text = read_file(folder.seal());
-  if (!text) return std::unexpected(text.error());
-  const auto seal = read(Json::parse(*text, nullptr, false), *text);
-  if (!seal) return std::unexpected(fmt::format("seal.json is no seal of this version ({})", kRunSealSchema));
-  CheckedSeal checked{.closed = seal->closed, .files = seal->files.size(), .segments = 0, .altered = {}};
+  const auto seal = read_seal(folder);
+  if (!seal) return std::unexpected(seal.error());
+  CheckedSeal checked{
+      .closed = seal->closed, .files = seal->files.size(), .segments = 0, .events_behind = 0, .altered = {}};
   for (const auto& [name, hash] : seal->files) {
     const auto now = config::file_sha256(folder.path() + "/" + name);
     if (!now) checked.altered.push_back(fmt::format("{}: {}", name, now.error()));
@@ -153,8 +184,20 @@ std::expected<CheckedSeal, std::string> check_run_seal(const RunFolder& folder) 
     checked.segments += segments.size();
     if (std::string why = altered_segment(folder, name, segments, seal->closed); !why.empty())
       checked.altered.push_back(std::move(why));
+    if (name != kEventsFile || !seal->closed) continue;
+    std::error_code error;
+    const std::uintmax_t size = std::filesystem::file_size(folder.path() + "/" + name, error);
+    if (!error) checked.events_behind = size - std::min<std::uint64_t>(size, bytes_of(segments));
   }
   return checked;
+}
+
+std::optional<std::uint64_t> sealed_event_bytes(const RunFolder& folder) {
+  const auto seal = read_seal(folder);
+  if (!seal || !seal->closed) return std::nullopt;
+  for (const auto& [name, segments] : seal->grown)
+    if (name == kEventsFile) return bytes_of(segments);
+  return std::nullopt;
 }
 
 }  // namespace takt::monitor

@@ -460,6 +460,49 @@ TEST_F(Cli, RunFollowsItsScriptAndLeavesOnlyTheRunFolder) {
     EXPECT_TRUE(fs::exists(in("run/" + std::string(file)))) << file;
   EXPECT_EQ(left_running(), 0);
   EXPECT_EQ(run("replay " + in("run")).exit_code, 0);
+
+  std::ifstream file(in("run/events.jsonl"));
+  std::vector<std::string> told;
+  for (std::string line; std::getline(file, line);) {
+    const auto event = nlohmann::json::parse(line);
+    const std::string name = event.at("event");
+    if (name == "started") continue;
+    EXPECT_GT(event.at("monotonic_ns").get<std::int64_t>(), 0) << line;
+    told.push_back(name + " " + event.value("given", event.value("process", "")));
+    if (name == "ended" && event.at("process") == "takt-policy-host") {
+      EXPECT_EQ(event.at("signal"), "SIGKILL");
+    }
+  }
+  const std::vector<std::string> expected{"run ",
+                                          "tracking ",
+                                          "script --at '500 ms: freeze policy for 200 ms'",
+                                          "script --at '700 ms: thaw policy'",
+                                          "script --at '2 s: kill policy'",
+                                          "ended takt-policy-host",
+                                          "ending ",
+                                          "ended takt-plant",
+                                          "ended takt-executive",
+                                          "ended takt-monitor"};
+  EXPECT_EQ(told, expected);
+  const auto seal = nlohmann::json::parse(std::ifstream(in("run/seal.json")));
+  EXPECT_EQ(seal.at("segments").at("events.jsonl").size(), 1U);
+}
+
+// A scripted fault of the plant, and one that comes too late.
+TEST_F(Cli, RunNotesWhatThePlantPlaysAndSaysWhatItNeverPlayed) {
+  std::ofstream(in("faults.yaml")) << "schema: takt.scenario/1\nevents:\n"
+                                      "  - { at: 1 ms, joint: elbow, delay: 1 ms, for: 5 ms }\n"
+                                      "  - { at: 600 s, joint: elbow, fault: silent }\n";
+  const Ended ended = run(run_arguments("--duration 1s --plant=--scenario=" + in("faults.yaml")));
+  EXPECT_EQ(ended.exit_code, 1) << ended.output;
+  EXPECT_NE(ended.output.find("never happened: " + in("faults.yaml") + ": elbow: silent: its instant did not come\n"),
+            std::string::npos)
+      << ended.output;
+  std::ifstream file(in("run/events.jsonl"));
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  for (const char* what : {"\"event\":\"scenario\"", "\"what\":\"elbow: delay of 1 ms for 5 ms\"",
+                           "\"what\":\"elbow: end of delay of 1 ms for 5 ms\"", "\"event\":\"missed\""})
+    EXPECT_NE(text.find(what), std::string::npos) << what << " is missing in\n" << text;
 }
 
 // Goal: what a script asks for and what cannot happen is refused before anything starts. Method: instants beyond the

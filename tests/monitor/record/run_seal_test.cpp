@@ -12,6 +12,7 @@
 
 #include "config/load.hpp"
 #include "monitor/record/bounded_file.hpp"
+#include "monitor/record/run_events.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
 
@@ -78,6 +79,28 @@ TEST_F(RunSealTest, ATurnedBitIsNamedByItsTenSeconds) {
       EXPECT_TRUE(found[0].ends_with(" to " + end + " (from byte " + std::to_string(from) + " on)")) << found[0];
     }
   }
+}
+
+// Its writer goes on when the run is closed: what came before is sealed, what comes later is said to be outside.
+TEST_F(RunSealTest, EventsAreSealedAsFarAsTheyWereWhenTheRunWasClosed) {
+  const std::string before = "{\"event\":\"script\",\"monotonic_ns\":5}\n",
+                    later = "{\"event\":\"ended\",\"monotonic_ns\":6}\n";
+  VirtualRobot robot;
+  record(robot, path("run"), 1'000,
+         [&](std::uint64_t tick) { EXPECT_TRUE(tick != 100 || replace_file(file("events.jsonl"), before)); });
+  ASSERT_TRUE(replace_file(file("events.jsonl"), before + later));
+  const auto checked = check_run_seal(RunFolder(path("run")));
+  ASSERT_TRUE(checked) << checked.error();
+  EXPECT_EQ(checked->altered, std::vector<std::string>{});
+  EXPECT_EQ(checked->events_behind, later.size());
+  const auto events = read_run_events(RunFolder(path("run")));
+  ASSERT_EQ(events.size(), 2U);
+  EXPECT_TRUE(events[0].is_sealed);
+  EXPECT_FALSE(events[1].is_sealed);
+  std::string forged = before;
+  forged[before.size() - 3] = '4';
+  EXPECT_EQ(altered_by("events.jsonl", forged + later).size(), 1U);
+  EXPECT_EQ(altered_by("events.jsonl", before.substr(1)).size(), 1U);
 }
 
 TEST_F(RunSealTest, WhatIsCutAddedOrExchangedIsFound) {
