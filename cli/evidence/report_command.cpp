@@ -64,7 +64,7 @@ int report(const ReportOptions& options) {
     json["comparison"] = *comparison ? monitor::to_json(**comparison) : nullptr;
     fmt::print("{}\n", json.dump());
   } else {
-    fmt::print("{}{}{}", monitor::report_text(metrics, *run), monitor::fault_text(faults),
+    fmt::print("{}{}{}", monitor::report_text(metrics, *run), monitor::faults_of_record(metrics, faults),
                *comparison ? monitor::comparison_text(**comparison) : "");
     if (written) fmt::print("page          {}\n", path);
   }

@@ -15,6 +15,7 @@
 #include "cli/command.hpp"
 #include "cli/run/status_text.hpp"
 #include "config/load.hpp"
+#include "executive/incident/log_hint.hpp"
 #include "monitor/record/bounded_file.hpp"
 
 namespace takt::cli {
@@ -180,9 +181,18 @@ int Supervisor::exit_code_of_the_dead() {
   return kExitOk;
 }
 
+std::string Supervisor::incident_text(const IncidentNote& incident) {
+  std::string sentence = incident_sentence(incident);
+  const std::size_t hint = sentence.find(kPolicyLogHint);
+  const ChildProcess* const policy = processes_.find(ProcessName::policy);
+  if (hint != std::string::npos && policy != nullptr && reported_dead_.contains(ProcessName::policy))
+    sentence.replace(hint, kPolicyLogHint.size(), label(ProcessName::policy) + " " + policy->how_it_ended());
+  return sentence;
+}
+
 // What the script killed or stopped ends as it was asked to.
-void Supervisor::tell_incident(End& end) const {
-  const std::string sentence = incident_sentence(incident_);
+void Supervisor::tell_incident(End& end) {
+  const std::string sentence = incident_text(incident_);
   if (sentence.empty()) return;
   const bool is_asked = incident_.asked != 0 || script_ends_run_;
   std::fflush(stdout);
@@ -270,8 +280,7 @@ Supervisor::Outcome Supervisor::follow() {
 void Supervisor::see(const OperatorReply& reply) {
   const StatusSnapshot& status = reply.status;
   answered_at_ = now();
-  if (reply.incident.stands != 0 && reply.incident.tick != incident_.tick)
-    display_.note(incident_sentence(reply.incident));
+  if (reply.incident.stands != 0 && reply.incident.tick != incident_.tick) display_.note(incident_text(reply.incident));
   incident_ = reply.incident;
   const bool tracks = status.tick.mode == Mode::tracking || status.tick.mode == Mode::degraded;
   if (!tracking_since_ && tracks) {

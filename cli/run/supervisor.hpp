@@ -74,8 +74,10 @@ class Supervisor {
   void note_plant_faults();
   void rearm(Mode mode);
   void see(const OperatorReply& reply);
+  // Of the incident that stands: a process that is gone needs no look at its log. Empty: none stands.
+  [[nodiscard]] std::string incident_text(const IncidentNote& incident);
   // The last word about a robot that stands: in which stop or fault, and the exit code that it calls for.
-  void tell_incident(End& end) const;
+  void tell_incident(End& end);
   [[nodiscard]] int exit_code_of_the_dead();
   // What ends the run, whether or not the executive answers.
   Outcome judge_time() const;

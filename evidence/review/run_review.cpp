@@ -2,6 +2,8 @@
 
 #include "evidence/review/counterfactual.hpp"
 #include "monitor/judge/metrics_collector.hpp"
+#include "monitor/judge/run_end.hpp"
+#include "monitor/judge/script.hpp"
 
 namespace takt::monitor {
 
@@ -36,6 +38,8 @@ std::expected<RunReview, std::string> review_of(const RecordedRun& run) {
   collector.finish(run.robot.freshness.epsilon, run.robot.freshness.confidence);
   review.faults = classifier.finish();
   add_counterfactuals(review.metrics.incidents, run);
+  judge_end(review.metrics, run);
+  Script(read_run_events(run.folder), run.robot).explain(review.faults);
   return review;
 }
 

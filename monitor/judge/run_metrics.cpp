@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "monitor/judge/metrics_collector.hpp"
+#include "monitor/judge/run_end.hpp"
 
 namespace takt::monitor {
 
@@ -47,6 +48,7 @@ std::expected<RunMetrics, std::string> metrics_of(const RecordedRun& run) {
   note(metrics, monitors);
   metrics.sensors = sensors.ages();
   collector.finish(run.robot.freshness.epsilon, run.robot.freshness.confidence);
+  judge_end(metrics, run);
   return metrics;
 }
 

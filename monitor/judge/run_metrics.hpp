@@ -54,6 +54,13 @@ struct Mark {
   MonoTime at;
 };
 
+// What the ticks do not say of a stop.
+struct StopOrigin {
+  std::string scripted;  // "--at '3 s: kill policy', 612 ms before"; empty: nothing scripted explains it (script.hpp)
+  std::string ended;     // "takt-policy-host was killed by SIGKILL"; empty: no process was missing
+  std::string told_by;   // file that tells of it, where the record does not reach it; empty: the ticks
+};
+
 struct RunMetrics {
   std::uint64_t ticks = 0, first_tick = 0, last_tick = 0;
   MonoTime start;  // of the first recorded tick
@@ -83,6 +90,9 @@ struct RunMetrics {
   std::uint64_t transition_count = 0;  // transitions holds the first kListedTransitions
   std::vector<Incident> incidents;     // the first kListedIncidents
   std::uint64_t incident_count = 0;
+  std::map<std::uint64_t, StopOrigin> stop_origins;  // by the incident's tick
+  // Why nothing can be said of the whole run, in a sentence; empty: the record reaches from the first tick to the end.
+  std::string record_gap;
   std::vector<PolicyCatch> catches;  // of the chunk monitors, the first kListedCatches
   std::uint64_t catch_count = 0;
   std::vector<Mark> marks;  // the first kListedMarks

@@ -12,8 +12,12 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 Json quantiles_json(const Quantiles& quantiles) {
-  return {{"count", quantiles.count}, {"p50", quantiles.p50},    {"p95", quantiles.p95},
-          {"p99", quantiles.p99},     {"p99.9", quantiles.p999 ? Json(*quantiles.p999) : Json(nullptr)}, {"max", quantiles.max}};
+  return {{"count", quantiles.count},
+          {"p50", quantiles.p50},
+          {"p95", quantiles.p95},
+          {"p99", quantiles.p99},
+          {"p99.9", quantiles.p999 ? Json(*quantiles.p999) : Json(nullptr)},
+          {"max", quantiles.max}};
 }
 
 Json age_json(const std::array<Quantiles, kAgePartCount>& parts) {
@@ -41,7 +45,13 @@ Json counts_json(const std::array<std::uint64_t, size>& counts) {
   return json;
 }
 
-Json incident_json(const Incident& incident) {
+Json text_or_null(const std::string& text) {
+  return text.empty() ? Json(nullptr) : Json(text);
+}
+
+Json incident_json(const Incident& incident, const RunMetrics& metrics) {
+  const auto found = metrics.stop_origins.find(incident.tick);
+  const StopOrigin origin = found == metrics.stop_origins.end() ? StopOrigin{} : found->second;
   Json chain = Json::array();
   for (const IncidentLink& link : incident.chain)
     chain.push_back({{"tick", link.tick}, {"monotonic_ns", link.at.ns}, {"what", link.what}});
@@ -51,6 +61,9 @@ Json incident_json(const Incident& incident) {
           {"mode", takt::name(incident.to)},
           {"cause", takt::name(incident.cause)},
           {"asked", incident.asked},
+          {"scripted", text_or_null(origin.scripted)},
+          {"ended_process", text_or_null(origin.ended)},
+          {"told_by", origin.told_by.empty() ? "ticks.mcap" : origin.told_by},
           {"where", incident.where},
           {"error_code", incident.error_code},
           {"detail", incident.detail},
@@ -58,7 +71,7 @@ Json incident_json(const Incident& incident) {
           {"done", incident.done},
           {"clears_when", incident.clears_when},
           {"sentence", incident.sentence},
-          {"counterfactual", incident.counterfactual.empty() ? Json(nullptr) : Json(incident.counterfactual)}};
+          {"counterfactual", text_or_null(incident.counterfactual)}};
 }
 
 Json candidate_json(const CandidateMetrics& candidate) {
@@ -141,7 +154,8 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
   }
   json["incident_count"] = metrics.incident_count;
   json["incidents"] = Json::array();
-  for (const Incident& incident : by_gravity(metrics.incidents)) json["incidents"].push_back(incident_json(incident));
+  for (const Incident& incident : by_gravity(metrics.incidents))
+    json["incidents"].push_back(incident_json(incident, metrics));
   json["transition_count"] = metrics.transition_count;
   json["transitions"] = Json::array();
   for (const Transition& each : metrics.transitions) {
@@ -170,7 +184,8 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
                   {"unread_bytes", metrics.scan.file.unread_bytes},
                   {"damaged_chunks", metrics.scan.file.damaged_chunks},
                   {"undecodable_messages", metrics.scan.undecodable}};
-  json["recording_stopped"] = run.manifest.stopped_because.empty() ? Json(nullptr) : Json(run.manifest.stopped_because);
+  json["recording_stopped"] = text_or_null(run.manifest.stopped_because);
+  json["record_gap"] = text_or_null(metrics.record_gap);
   json["realtime"] = run.manifest.executive.is_object() && run.manifest.executive.contains("realtime")
                          ? run.manifest.executive.at("realtime")
                          : Json(nullptr);

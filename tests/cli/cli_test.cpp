@@ -456,6 +456,7 @@ TEST_F(Cli, RunFollowsItsScriptAndLeavesOnlyTheRunFolder) {
                                "takt-policy-host was killed by SIGKILL", "damped_stop", "run folder: "})
     EXPECT_NE(ended.output.find(expected), std::string::npos) << expected << " is missing in\n" << ended.output;
   EXPECT_EQ(ended.output.find('\x1b'), std::string::npos) << "no control sequences without a terminal";
+  EXPECT_EQ(ended.output.find("the policy host's log says"), std::string::npos) << "a killed process logs nothing";
   for (const char* file : {"manifest.json", "ticks.mcap", "transitions.jsonl", "logs/takt-executive.log"})
     EXPECT_TRUE(fs::exists(in("run/" + std::string(file)))) << file;
   EXPECT_EQ(left_running(), 0);

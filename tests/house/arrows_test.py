@@ -48,7 +48,7 @@ MAY_USE = {
                       "evidence/rollout evidence/panel",
     "systemd/doctor": f"{SHARED} drivers/bus",
     "systemd/deploy": f"{SHARED} policy_host evidence/rollout",
-    "cli/run": f"{SHARED} executive/incident cli drivers/protocol policy_host monitor/record evidence/judge",
+    "cli/run": f"{SHARED} executive/incident cli drivers/protocol policy_host monitor/record simulation evidence/judge",
     "cli/evidence": f"{SHARED} cli cli/run monitor/record monitor/judge evidence/artifact evidence/data_set evidence/judge evidence/panel "
                     "evidence/review evidence/rollout evidence/study",
     "cli/policy": f"{SHARED} cli policy_host monitor/record evidence/policy",

@@ -78,24 +78,25 @@ Json facts_of(const ReportContent& content, const Json& whole, const Json& momen
   const RunManifest& manifest = content.run.manifest;
   Json buses = Json::array();
   for (const config::Bus& bus : content.run.robot.buses) buses.push_back(bus.name);
-  return {{"metrics", to_json(content.metrics, content.run)},
-          {"joints", joints_json(content.run.robot)},
-          {"buses", buses},
-          {"intervention_kinds", kInterventionNames},
-          {"host", manifest.host},
-          {"complete", manifest.complete},
-          {"started", utc_text(manifest.started_at.ns + manifest.clock.monotonic_to_unix_ns)},
-          {"period_s", content.run.robot.control.period.seconds()},
-          {"modes", modes_json(content.series)},
-          {"violations", violations_json(content.faults, content.metrics.start)},
-          {"violation_count", content.faults.total()},
-          {"marks", marks_json(content.metrics)},
-          {"figure", robot_figure(content.run.robot)},
-          {"comparison", content.comparison ? to_json(*content.comparison) : Json(nullptr)},
-          {"together", contract_text(content.metrics)},
-          {"text", report_text(content.metrics, content.run, 200) + fault_text(content.faults, 200)},
-          {"whole", whole},
-          {"moments", moments}};
+  return {
+      {"metrics", to_json(content.metrics, content.run)},
+      {"joints", joints_json(content.run.robot)},
+      {"buses", buses},
+      {"intervention_kinds", kInterventionNames},
+      {"host", manifest.host},
+      {"complete", manifest.complete},
+      {"started", utc_text(manifest.started_at.ns + manifest.clock.monotonic_to_unix_ns)},
+      {"period_s", content.run.robot.control.period.seconds()},
+      {"modes", modes_json(content.series)},
+      {"violations", violations_json(content.faults, content.metrics.start)},
+      {"violation_count", content.faults.total()},
+      {"marks", marks_json(content.metrics)},
+      {"figure", robot_figure(content.run.robot)},
+      {"comparison", content.comparison ? to_json(*content.comparison) : Json(nullptr)},
+      {"together", contract_text(content.metrics)},
+      {"text", report_text(content.metrics, content.run, 200) + faults_of_record(content.metrics, content.faults, 200)},
+      {"whole", whole},
+      {"moments", moments}};
 }
 
 }  // namespace

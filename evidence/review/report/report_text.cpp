@@ -23,8 +23,14 @@ std::string age_row(std::string_view label, const Quantiles& q) {
                      q.p999 ? fmt::format("{:.3f}", ms(*q.p999)) : "-", ms(q.max));
 }
 
-std::string age_table(std::string_view title, const std::array<Quantiles, kAgePartCount>& parts, std::size_t rows) {
-  if (parts.back().count == 0) return fmt::format("{}: none\n", title);
+// What nothing was found of: in a record that does not reach the run's end that is not nothing.
+std::string_view none_in(const RunMetrics& metrics) {
+  return metrics.record_gap.empty() ? "none" : "unknown";
+}
+
+std::string age_table(const RunMetrics& metrics, std::string_view title,
+                      const std::array<Quantiles, kAgePartCount>& parts, std::size_t rows) {
+  if (parts.back().count == 0) return fmt::format("{}: {}\n", title, none_in(metrics));
   std::string text = fmt::format("{} ({}), ms\n  {:<8}{:>10}{:>10}{:>10}{:>10}{:>10}\n", title, parts.back().count, "",
                                  "p50", "p95", "p99", "p99.9", "max");
   for (std::size_t part = 0; part < rows; ++part) text += age_row(kAgePartNames[part], parts[part]);
@@ -57,13 +63,14 @@ std::string miss_row(std::string_view label, const MissRate& misses, double conf
 
 // "a 3, b 1" of the non-zero counts from `first` on; "none" without any.
 template <class NameOf, std::size_t size>
-std::string counted(const std::array<std::uint64_t, size>& counts, std::size_t first, const NameOf& name_of) {
+std::string counted(const RunMetrics& metrics, const std::array<std::uint64_t, size>& counts, std::size_t first,
+                    const NameOf& name_of) {
   std::string text;
   for (std::size_t index = first; index < size; ++index) {
     if (counts[index] == 0) continue;
     text += fmt::format("{}{} {}", text.empty() ? "" : ", ", name_of(index), counts[index]);
   }
-  return text.empty() ? "none" : text;
+  return text.empty() ? std::string(none_in(metrics)) : text;
 }
 
 std::string modes_line(const RunMetrics& metrics) {
@@ -77,11 +84,11 @@ std::string modes_line(const RunMetrics& metrics) {
   if (fallback != 0) text += fmt::format("; moved by the fallback policy {:.1f} %", percent(fallback, metrics.ticks));
   if (const std::uint64_t without = metrics.ticks_without_fallback; without != 0)
     text += fmt::format("; without a fresh fallback policy {:.1f} %", percent(without, metrics.ticks));
-  return text.empty() ? "none: not one tick was recorded" : text;
+  return text.empty() ? fmt::format("{}: not one tick can be read", none_in(metrics)) : text;
 }
 
 std::string transitions(const RunMetrics& metrics, std::size_t most) {
-  if (metrics.transition_count == 0) return "transitions   none\n";
+  if (metrics.transition_count == 0) return fmt::format("transitions   {}\n", none_in(metrics));
   std::string text = fmt::format("transitions   {}\n", metrics.transition_count);
   for (std::size_t index = 0; index < std::min(most, metrics.transitions.size()); ++index) {
     const Transition& each = metrics.transitions[index];
@@ -95,7 +102,7 @@ std::string transitions(const RunMetrics& metrics, std::size_t most) {
 
 // What stopped the robot comes first of all: nothing else on the page matters as much.
 std::string incidents(const RunMetrics& metrics, std::size_t most) {
-  if (metrics.incident_count == 0) return "stops         none\n";
+  if (metrics.incident_count == 0 && metrics.record_gap.empty()) return "stops         none\n";
   std::string text;
   std::size_t shown = 0;
   for (const Incident& incident : by_gravity(metrics.incidents)) {
@@ -103,13 +110,19 @@ std::string incidents(const RunMetrics& metrics, std::size_t most) {
     text += fmt::format("{:<14}{:+.3f} s: {}\n", incident.asked ? "asked" : "STOPPED",
                         (incident.at - metrics.start).seconds(), incident.sentence);
     if (!incident.counterfactual.empty()) text += fmt::format("{:<14}{}\n", "", incident.counterfactual);
+    const auto origin = metrics.stop_origins.find(incident.tick);
+    if (origin != metrics.stop_origins.end() && !origin->second.told_by.empty())
+      text += fmt::format("{:<14}told by {}, beyond the ticks that can be read\n", "", origin->second.told_by);
   }
   if (metrics.incident_count > most) text += fmt::format("              and {} more\n", metrics.incident_count - most);
+  if (!metrics.record_gap.empty())
+    text += fmt::format("UNKNOWN       {}{}\n",
+                        metrics.incident_count == 0 ? "stops: " : "further stops: ", metrics.record_gap);
   return text;
 }
 
 std::string marks(const RunMetrics& metrics, std::size_t most) {
-  if (metrics.mark_count == 0) return "marks         none\n";
+  if (metrics.mark_count == 0) return fmt::format("marks         {}\n", none_in(metrics));
   std::string text = fmt::format("marks         {}\n", metrics.mark_count);
   for (std::size_t index = 0; index < std::min(most, metrics.marks.size()); ++index) {
     const Mark& each = metrics.marks[index];
@@ -144,7 +157,7 @@ std::string candidate(const RunMetrics& metrics, std::size_t most) {
 // Nothing where the robot file has no monitors: silence would sound like a judgement.
 std::string catches(const RunMetrics& metrics, const RecordedRun& run, std::size_t most) {
   if (!run.robot.policy || !run.robot.policy->monitors) return "";
-  if (metrics.catch_count == 0) return "catches       none\n";
+  if (metrics.catch_count == 0) return fmt::format("catches       {}\n", none_in(metrics));
   std::string text = fmt::format("catches       {}\n", metrics.catch_count);
   for (std::size_t index = 0; index < std::min(most, metrics.catches.size()); ++index) {
     const PolicyCatch& each = metrics.catches[index];
@@ -176,7 +189,8 @@ std::string losses(const RunMetrics& metrics, const RecordedRun& run) {
   }
   if (metrics.missing_ticks != 0)
     text += fmt::format("{}{} ticks", text.empty() ? "" : "; in all ", metrics.missing_ticks);
-  text = fmt::format("losses        {}\n", text.empty() ? "none" : text);
+  if (text.empty()) text = none_in(metrics);
+  text = fmt::format("losses        {}\n", text);
   if (!run.manifest.stopped_because.empty()) {
     text += fmt::format("              recording stopped: {}\n", run.manifest.stopped_because);
   }
@@ -260,6 +274,8 @@ std::string contract_text(const RunMetrics& metrics) {
   std::string facts =
       fmt::format("{} of {} commands missed, and {:.3g} % of the time there was no usable one: ", commands.misses,
                   commands.count, 100 * time.rate);
+  if (!metrics.record_gap.empty() && commands.verdict != Verdict::violated)
+    return facts + "the record does not reach the run's end, and nothing is known of what it lacks";
   const std::string by_time(name(time.verdict));
   switch (commands.verdict) {
     case Verdict::held:
@@ -285,8 +301,8 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
   text += recorder_line(run.manifest);
   text += fmt::format("contract      Pr(age > {:g} ms) <= {:g} %\n\n", contract.max_age.milliseconds(),
                       100 * contract.epsilon);
-  text += age_table("age per tick that relied on the policy", metrics.age_per_tick, kAgePartCount - 1);
-  text += age_table("age per command at first use", metrics.age_per_command, kAgePartCount - 2);
+  text += age_table(metrics, "age per tick that relied on the policy", metrics.age_per_tick, kAgePartCount - 1);
+  text += age_table(metrics, "age per command at first use", metrics.age_per_command, kAgePartCount - 2);
   text += sensor_lines(metrics);
   text += "\ndeadline misses\n" + miss_row("per tick", metrics.misses_per_tick, contract.confidence) +
           miss_row("per command", metrics.misses_per_command, contract.confidence);
@@ -298,18 +314,27 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
   const auto arrival = [](std::size_t index) { return takt::name(static_cast<Arrival>(index)); };
   text += fmt::format("commands      accepted {}; refused: {}\n",
                       metrics.arrivals[static_cast<std::size_t>(Arrival::accepted)],
-                      counted(metrics.arrivals, static_cast<std::size_t>(Arrival::accepted) + 1, arrival));
-  text += fmt::format("interventions {} (joint-ticks)\n",
-                      counted(metrics.interventions, 0, [](std::size_t index) { return kInterventionNames[index]; }));
+                      counted(metrics, metrics.arrivals, static_cast<std::size_t>(Arrival::accepted) + 1, arrival));
   text += fmt::format(
-      "overruns      {}; {} periods skipped\n",
-      counted(metrics.overruns, 1, [](std::size_t index) { return takt::name(static_cast<OverrunCause>(index)); }),
-      metrics.skipped_periods);
-  text += fmt::format("wake-up late  p50 {:.1f} us, p99 {:.1f} us; work per tick p50 {:.1f} us, p99 {:.1f} us\n",
-                      metrics.lateness.p50 * 1e-3, metrics.lateness.p99 * 1e-3, metrics.work.p50 * 1e-3,
-                      metrics.work.p99 * 1e-3);
+      "interventions {} (joint-ticks)\n",
+      counted(metrics, metrics.interventions, 0, [](std::size_t index) { return kInterventionNames[index]; }));
+  text += fmt::format("overruns      {}; {} periods skipped\n",
+                      counted(metrics, metrics.overruns, 1,
+                              [](std::size_t index) { return takt::name(static_cast<OverrunCause>(index)); }),
+                      metrics.skipped_periods);
+  if (metrics.ticks == 0)
+    text += fmt::format("wake-up late  {}\n", none_in(metrics));
+  else
+    text += fmt::format("wake-up late  p50 {:.1f} us, p99 {:.1f} us; work per tick p50 {:.1f} us, p99 {:.1f} us\n",
+                        metrics.lateness.p50 * 1e-3, metrics.lateness.p99 * 1e-3, metrics.work.p50 * 1e-3,
+                        metrics.work.p99 * 1e-3);
   text += on_wire(metrics, run);
   return text + losses(metrics, run) + drives(run.manifest);
+}
+
+std::string faults_of_record(const RunMetrics& metrics, const FaultSummary& faults, std::size_t most) {
+  if (faults.total() == 0) return fmt::format("faults        {}\n", none_in(metrics));
+  return fault_text(faults, most);
 }
 
 }  // namespace takt::monitor

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <string>
 
+#include "monitor/judge/fault_classifier.hpp"
 #include "monitor/judge/run_metrics.hpp"
 
 namespace takt::monitor {
@@ -14,5 +15,7 @@ std::string contract_text(const RunMetrics& metrics);
 // Tables: age by stage, deadline misses against the contract, modes, transitions, marks, refusals, interventions,
 // overruns, losses. `most` transitions and marks are listed, the rest counted.
 std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::size_t most = 20);
+// fault_text(); of a record that does not reach the run's end, no faults are unknown ones.
+std::string faults_of_record(const RunMetrics& metrics, const FaultSummary& faults, std::size_t most = 5);
 
 }  // namespace takt::monitor

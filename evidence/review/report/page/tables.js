@@ -34,6 +34,27 @@ takt.tables = (function () {
     text('text', facts.text);
   }
 
+  // What stopped it, as far as the run's own files say.
+  function stopped(incident) {
+    const dead = incident.ended_process ? `: ${incident.ended_process}` : '';
+    if (incident.scripted) return `Stopped as scripted by ${incident.scripted.replace(/, [^,]*$/, '')}${dead}`;
+    if (incident.asked) return 'Stopped as asked';
+    return `Stopped by itself: ${incident.cause.replaceAll('_', ' ')}` + (incident.where ? `, ${incident.where}` : '') + dead;
+  }
+
+  // Red: nothing below may be read as if there had been nothing more.
+  function gap(metrics) {
+    if (!metrics.record_gap) return;
+    const box = document.createElement('div');
+    box.className = 'incident fault';
+    const name = document.createElement('b');
+    name.textContent = metrics.incident_count ? 'Further stops and losses: unknown' : 'Stops and losses: unknown';
+    const line = document.createElement('p');
+    line.textContent = metrics.record_gap;
+    box.append(name, line);
+    document.getElementById('incidents').append(box);
+  }
+
   // What stopped the robot, before what held: red when nobody asked for it.
   function incidents(metrics) {
     const shown = metrics.incidents.slice(0, 5);
@@ -41,7 +62,7 @@ takt.tables = (function () {
       const box = document.createElement('div');
       box.className = 'incident' + (incident.asked ? '' : ' fault');
       const name = document.createElement('b');
-      name.textContent = incident.asked ? 'Stopped as asked' : `Stopped by itself: ${incident.cause.replaceAll('_', ' ')}` + (incident.where ? `, ${incident.where}` : '');
+      name.textContent = stopped(incident) + (incident.told_by === 'ticks.mcap' ? '' : ` (told by ${incident.told_by}, beyond the ticks that can be read)`);
       box.append(name);
       const clauses = incident.sentence.split(/(?<=; )(?=first sign |done: |clears with: )/);
       for (const clause of clauses.concat(incident.counterfactual ?? [])) {
@@ -92,6 +113,7 @@ takt.tables = (function () {
     const { contract, deadline_misses: misses } = facts.metrics;
     head(facts);
     incidents(facts.metrics);
+    gap(facts.metrics);
     verdict(`per tick: Pr(age > ${contract.max_age_ns * 1e-6} ms) <= ${100 * contract.epsilon} %`, misses.per_tick, contract.confidence);
     verdict('per command', misses.per_command, contract.confidence);
     text('together', facts.together);

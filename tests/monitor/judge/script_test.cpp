@@ -1,0 +1,128 @@
+// Goal: a stop that the script brought about is asked for and names the process that is gone; no other stop is. Method:
+// the recorded demo, whose policy falls silent and is lost, with events.jsonl written beside it by hand.
+#include "monitor/judge/script.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "evidence/review/run_review.hpp"
+#include "tests/monitor/record/recorded_demo.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
+
+namespace takt::monitor {
+namespace {
+
+constexpr const char* kHint = "the policy host's log says";
+
+class ScriptTest : public TemporaryFolder {
+ protected:
+  ScriptTest() { std::filesystem::remove(run_.folder.seal()); }
+
+  struct Line {
+    Duration before;  // the stop
+    std::string rest;
+  };
+  // Events at their instants before the demo's only stop.
+  void write(const std::vector<Line>& lines) const {
+    std::ofstream file(events_, std::ios::trunc);
+    for (const Line& line : lines)
+      file << fmt::format("{{\"monotonic_ns\":{},\"utc\":\"\",{}}}\n", (stopped_ - line.before).ns, line.rest);
+  }
+  RunMetrics with(const std::vector<Line>& lines) const {
+    write(lines);
+    return *metrics_of(run_);
+  }
+  bool is_asked_with(const std::vector<Line>& lines) const { return with(lines).incidents.at(0).asked; }
+  static std::string script(const std::string& action, const std::string& process, Duration length = {}) {
+    return fmt::format(R"("event":"script","given":"--at '3 s: {0}'","action":"{0}","process":"{1}","length_ns":{2})",
+                       action, process, length.ns);
+  }
+  static std::string ended(const std::string& process) {
+    return fmt::format(R"("event":"ended","process":"{}","how":"was killed by SIGKILL")", process);
+  }
+
+  const RecordedRun run_ = record_demo(path("run"));
+  const std::string events_ = run_.folder.path() + "/events.jsonl";
+  const MonoTime stopped_ = metrics_of(run_)->incidents.at(0).at;
+};
+
+TEST_F(ScriptTest, AKilledPolicyIsNamedAndAskedFor) {
+  write({{milliseconds(700), script("kill", "takt-policy-host")}, {milliseconds(699), ended("takt-policy-host")}});
+  const RunReview review = *review_of(run_);
+  ASSERT_EQ(review.metrics.incidents.size(), 1U);
+  const Incident& incident = review.metrics.incidents[0];
+  const std::string known = "; takt-policy-host was killed by SIGKILL; scripted: --at '3 s: kill', ";
+  EXPECT_TRUE(incident.asked);
+  EXPECT_EQ(incident.sentence.find("stop asked for at tick "), 0U) << incident.sentence;
+  EXPECT_NE(incident.sentence.find(known + "700 ms before;"), std::string::npos) << incident.sentence;
+  EXPECT_EQ(incident.sentence.find(kHint), std::string::npos) << incident.sentence;
+  const StopOrigin& origin = review.metrics.stop_origins.at(incident.tick);
+  EXPECT_EQ(origin.scripted, "--at '3 s: kill', 700 ms before");
+  EXPECT_EQ(origin.ended, "takt-policy-host was killed by SIGKILL");
+  const nlohmann::ordered_json json = to_json(review.metrics, run_)["incidents"][0];
+  EXPECT_EQ(json.at("asked"), true);
+  EXPECT_EQ(json.at("ended_process"), "takt-policy-host was killed by SIGKILL");
+  // The loss that led to it too; the stall of 1 s before does not.
+  ASSERT_EQ(review.faults.verdicts.size(), 2U);
+  EXPECT_NE(review.faults.verdicts[0].sentence.find(kHint), std::string::npos) << review.faults.verdicts[0].sentence;
+  EXPECT_NE(review.faults.verdicts[1].sentence.find(known), std::string::npos) << review.faults.verdicts[1].sentence;
+}
+
+TEST_F(ScriptTest, WhatDiedByItselfIsNamedAndNotAskedFor) {
+  const Incident incident = with({{milliseconds(700), ended("takt-policy-host")}}).incidents.at(0);
+  EXPECT_FALSE(incident.asked);
+  EXPECT_EQ(incident.sentence.find("stop at tick "), 0U) << incident.sentence;
+  EXPECT_NE(incident.sentence.find("; takt-policy-host was killed by SIGKILL;"), std::string::npos);
+  EXPECT_EQ(incident.sentence.find(kHint), std::string::npos) << incident.sentence;
+}
+
+TEST_F(ScriptTest, WhatEndsByItselfExplainsAStopThatFollowsSoon) {
+  for (const char* action : {"freeze", "hog", "fault"}) {
+    EXPECT_TRUE(is_asked_with({{seconds(1), script(action, "takt-policy-host", milliseconds(400))}})) << action;
+    EXPECT_FALSE(is_asked_with({{seconds(3), script(action, "takt-policy-host", milliseconds(400))}})) << action;
+  }
+}
+
+TEST_F(ScriptTest, WhatCannotHaveDoneItExplainsNothing) {
+  const std::vector<std::vector<Line>> cases{
+      {},
+      {{milliseconds(700), script("kill", "takt-monitor")}, {milliseconds(699), ended("takt-monitor")}},
+      {{milliseconds(700), script("kill", "takt-plant")}},
+      {{milliseconds(700), script("arm", "takt-executive")}},
+      {{milliseconds(-1), script("kill", "takt-policy-host")}},
+      {{seconds(3), script("kill", "takt-policy-host")},
+       {milliseconds(2'999), ended("takt-policy-host")},
+       {milliseconds(2'900), R"("event":"started","process":"takt-policy-host")"}}};
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    const RunMetrics metrics = with(cases[i]);
+    EXPECT_FALSE(metrics.incidents.at(0).asked) << i;
+    EXPECT_NE(metrics.incidents[0].sentence.find(kHint), std::string::npos) << i;
+    EXPECT_TRUE(metrics.stop_origins.empty()) << i;
+  }
+}
+
+// A line that was added to a closed run makes no stop one that was asked for.
+TEST_F(ScriptTest, WhatIsNotSealedExplainsNothing) {
+  const std::vector<Line> kill{{milliseconds(700), script("kill", "takt-policy-host")}};
+  ASSERT_TRUE(is_asked_with(kill));
+  record_demo(path("sealed"));
+  std::filesystem::copy(path("sealed") + "/seal.json", run_.folder.seal());
+  EXPECT_FALSE(is_asked_with(kill));
+}
+
+TEST_F(ScriptTest, APlantsFaultHoldsUntilItsEnd) {
+  const auto fault = [](const std::string& what) {
+    return fmt::format(R"("event":"fault","given":"faults.yaml","what":"{}")", what);
+  };
+  const RunMetrics metrics = with({{milliseconds(700), fault("camera: freeze for 9 s")}});
+  EXPECT_EQ(metrics.stop_origins.at(metrics.incidents.at(0).tick).scripted,
+            "faults.yaml: camera: freeze for 9 s, 700 ms before");
+  EXPECT_FALSE(is_asked_with({{seconds(3), fault("camera: freeze for 1 ms")},
+                              {milliseconds(2'999), fault("camera: end of freeze for 1 ms")}}));
+}
+
+}  // namespace
+}  // namespace takt::monitor
