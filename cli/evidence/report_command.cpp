@@ -31,18 +31,12 @@ std::string truth_file(const ReportOptions& options, const monitor::RecordedRun&
   return "";
 }
 
-// Nothing to compare with is no error unless it was asked for by name.
 std::expected<std::optional<monitor::RunComparison>, std::string> comparison_of(const ReportOptions& options,
-                                                                                const monitor::RecordedRun& run,
                                                                                 const nlohmann::ordered_json& metrics) {
-  if (options.against == "none") return std::nullopt;
-  const std::string other = options.against.empty() ? monitor::previous_run(run) : options.against;
-  if (other.empty()) return std::nullopt;
-  auto comparison = monitor::compare_with(metrics, other);
-  if (comparison) return std::move(*comparison);
-  if (!options.against.empty()) return std::unexpected(comparison.error());
-  fmt::print(stderr, "takt report: not compared with the previous run: {}\n", comparison.error());
-  return std::nullopt;
+  if (options.against.empty()) return std::nullopt;
+  auto comparison = monitor::compare_with(metrics, options.against);
+  if (!comparison) return std::unexpected(comparison.error());
+  return std::move(*comparison);
 }
 
 int report(const ReportOptions& options) {
@@ -52,7 +46,7 @@ int report(const ReportOptions& options) {
   if (!review) return fail("takt report", review.error());
   const auto& [metrics, faults] = *review;
   auto json = monitor::to_json(metrics, *run);
-  const auto comparison = comparison_of(options, *run, json);
+  const auto comparison = comparison_of(options, json);
   if (!comparison) return fail("takt report", comparison.error());
   const auto series = monitor::series_of(*run, metrics, faults, truth_file(options, *run));
   if (!series) return fail("takt report", series.error());
@@ -81,8 +75,7 @@ void add_report(CLI::App& app, int& exit_code) {
   command->add_option("DIR", options->directory, "run folder")->required();
   command->add_flag("--json", options->json, "print the metrics as one line of JSON (docs/report.md)");
   command->add_option("--html", options->html, "where to write the page; default DIR/report.html");
-  command->add_option("--against", options->against,
-                      "run folder to compare with, or none; default: the run before it, beside it, of the same robot");
+  command->add_option("--against", options->against, "run folder to compare with; default: none");
   command->add_option(
       "--truth", options->truth,
       "takt-plant's truth file, for the task's target in the playback; default DIR/truth.jsonl if there");

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <filesystem>
 #include <numeric>
 
 #include "monitor/judge/run_metrics.hpp"
@@ -12,7 +11,6 @@ namespace takt::monitor {
 namespace {
 
 using Json = nlohmann::ordered_json;
-namespace fs = std::filesystem;
 
 std::int64_t started_unix_ns(const RunManifest& manifest) {
   return manifest.started_at.ns + manifest.clock.monotonic_to_unix_ns;
@@ -104,26 +102,6 @@ std::expected<Json, std::string> metrics_json_of(const RecordedRun& run) {
 }
 
 }  // namespace
-
-std::string previous_run(const RecordedRun& run) {
-  std::error_code error;
-  const fs::path own = fs::weakly_canonical(run.folder.path(), error);
-  const std::int64_t own_start = started_unix_ns(run.manifest);
-  std::int64_t newest = 0;
-  std::string found;
-  for (fs::directory_iterator each(own.parent_path(), error), end; !error && each != end; each.increment(error)) {
-    if (!each->is_directory(error) || each->path() == own) continue;
-    const RunFolder folder(each->path().string());
-    if (!fs::exists(folder.ticks(), error)) continue;
-    const auto manifest = folder.read_manifest();
-    if (!manifest || manifest->robot != run.manifest.robot) continue;
-    const std::int64_t start = started_unix_ns(*manifest);
-    if (start >= own_start || start <= newest) continue;
-    newest = start;
-    found = folder.path();
-  }
-  return found;
-}
 
 std::expected<RunComparison, std::string> compare_with(const Json& metrics, const std::string& other_path) {
   const auto other = open_run(other_path);

@@ -14,9 +14,6 @@
 
 namespace takt::monitor {
 
-// The run folder beside `run` of the same robot that started last before it; empty: none.
-std::string previous_run(const RecordedRun& run);
-
 struct ComparisonRow {
   std::string label, unit;
   std::optional<double> other, here;  // none: nothing of the kind was measured, or an older metrics.json lacks it

@@ -24,16 +24,18 @@ class ReportCli : public Shell {
   [[nodiscard]] bool page_exists() const { return std::filesystem::exists(in("run/report.html")); }
 };
 
-TEST_F(ReportCli, ComparesWithTheRunBeforeUnlessToldOtherwise) {
+TEST_F(ReportCli, ComparesWithTheRunThatItIsToldAndWithNoOther) {
   const Ended plain = report("");
   EXPECT_EQ(plain.exit_code, 0) << plain.output;
-  EXPECT_NE(plain.output.find("against       virtual (2023-11-14T22:29:00.000Z)"), std::string::npos) << plain.output;
+  EXPECT_EQ(plain.output.find("against"), std::string::npos) << plain.output;
   EXPECT_TRUE(page_exists());
-  EXPECT_EQ(report("--against none").output.find("against"), std::string::npos);
-  const auto json = nlohmann::json::parse(report("--json").output);
+  const Ended compared = report("--against " + in("earlier"));
+  EXPECT_NE(compared.output.find("against       virtual (2023-11-14T22:29:00.000Z)"), std::string::npos)
+      << compared.output;
+  const auto json = nlohmann::json::parse(report("--json --against " + in("earlier")).output);
   EXPECT_EQ(json.at("schema"), "takt.metrics/1");
   EXPECT_EQ(json.at("comparison").at("other_path"), in("earlier"));
-  EXPECT_TRUE(nlohmann::json::parse(report("--json --against none").output).at("comparison").is_null());
+  EXPECT_TRUE(nlohmann::json::parse(report("--json").output).at("comparison").is_null());
 }
 
 TEST_F(ReportCli, WhatCannotBeReadIsRefusedInOneLineAndNothingIsWritten) {
@@ -60,14 +62,14 @@ TEST_F(ReportCli, ReplaySaysByItsExitCodeThatNotEveryTickCouldBeJudged) {
 // What a simulator leaves that was ended early: an empty truth file, which nobody asked for.
 TEST_F(ReportCli, ATruthFileWithoutATargetIsSaidAndTheReportGoesOn) {
   std::ofstream(in("run/truth.jsonl")).close();
-  const Ended found = report("--against none");
+  const Ended found = report("");
   EXPECT_EQ(found.exit_code, 0);
   EXPECT_NE(found.output.find("the playback shows no target: " + in("run/truth.jsonl") + ": holds no target"),
             std::string::npos)
       << found.output;
   EXPECT_NE(found.output.find("deadline misses"), std::string::npos) << found.output;
   EXPECT_TRUE(page_exists());
-  EXPECT_EQ(report("--against none --truth " + in("run/truth.jsonl")).exit_code, 1) << "asked for by name";
+  EXPECT_EQ(report("--truth " + in("run/truth.jsonl")).exit_code, 1) << "asked for by name";
 }
 
 TEST_F(ReportCli, WhereThePageCannotBeWrittenTheNumbersAreSaidAllTheSame) {
