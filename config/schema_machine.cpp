@@ -60,12 +60,12 @@ void describe_limits(Fields& fields, Limits& limits, bool passive) {
   const bool commanded = !passive || fields.shows_all();
   fields.interval({"position", "lowest and highest joint angle"}, limits.q_min, limits.q_max, Dimension::angle,
                   between(-1000, 1000));
-  fields.quantity({"position_margin", "measured angle this far outside is a fault"}, limits.position_margin,
-                  Dimension::angle, between(0, 10));
+  fields.quantity({"position_margin", "measured angle further outside leads to a damped stop; no drive loses power"},
+                  limits.position_margin, Dimension::angle, between(0, 10));
   fields.quantity({"velocity", "reference velocity never exceeds it; moving faster blocks arming"}, limits.velocity,
                   Dimension::angular_velocity, above(0, 1000));
-  fields.quantity({"velocity_hard", "measured velocity above it is a fault"}, limits.velocity_hard,
-                  Dimension::angular_velocity, above(0, 1000));
+  fields.quantity({"velocity_hard", "measured velocity above it leads to a damped stop; no drive loses power"},
+                  limits.velocity_hard, Dimension::angular_velocity, above(0, 1000));
   bool looks_at_temperature = limits.temperature.has_value();
   fields.optional_section({"temperature", "of the drive, which has to tell it, or it is not armed"},
                           looks_at_temperature, [&](Fields& f) {

@@ -37,16 +37,18 @@ void describe_freshness(Fields& fields, Freshness& freshness) {
   fields.duration({"recover_after", "uninterrupted fresh time that ends degraded mode"}, freshness.recover_after,
                   milliseconds(1), seconds(600));
   fields.duration(
-      {"flap_memory", "each relapse within this time doubles the next recovery time, up to 16 times", "10 s"},
+      {"flap_memory", "a relapse within this time of the last recovery doubles the next recovery time, up to 16 times",
+       "10 s"},
       freshness.flap_memory, milliseconds(0), seconds(3600));
   fields.duration({"stop_after", "no usable command for this long causes a damped stop"}, freshness.stop_after,
                   milliseconds(1), seconds(600));
-  fields.integer({"bad_command_limit",
-                  "messages within the window refused for what they say that count as an integration error", "25"},
-                 freshness.bad_command_limit, 1, 1'000'000);
+  fields.integer(
+      {"bad_command_limit",
+       "more messages than this in the window, refused for what they say, stop the robot (bad_commands)", "25"},
+      freshness.bad_command_limit, 1, 1'000'000);
   fields.quantity({"clamped_share",
-                   "more of the window's ticks with a target out of its joint's range than this count as an "
-                   "integration error; 1 switches it off",
+                   "a larger share of the window's ticks with a target out of its joint's range stops the robot "
+                   "(bad_commands); 1: never",
                    "0.25"},
                   freshness.clamped_share, Dimension::none, Range{.low = 0, .high = 1, .low_open = true});
 }
