@@ -80,7 +80,7 @@ void describe_method(Fields& fields, PanelMethod& method) {
   describe_overrides(fields, "keys of the robot file said otherwise", method.overrides);
 }
 
-void describe_perturbation(Fields& fields, PanelPerturbation& one, const Panel& panel) {
+void describe_trouble(Fields& fields, PanelPerturbation& one, const Panel& panel) {
   fields.one_of({"kind", "name in the table of perturbations"}, one.kind, perturbation_names(), "perturbation");
   const PerturbationKind* const kind = find_perturbation(one.kind);
   if (kind == nullptr) return;
@@ -91,9 +91,16 @@ void describe_perturbation(Fields& fields, PanelPerturbation& one, const Panel& 
                   config::between(kind->least, kind->most));
   fields.duration({"from", "start of its window", "window.from", true}, one.from, {}, kLongest);
   fields.duration({"for", "length of its window", "window.for", true}, one.length, {}, kLongest);
-  fields.text({"load", "gpu_contention with --real-time: command that keeps the GPU busy", "none", true}, one.load);
   fields.text({"body", "push and payload: which body of the robot's MJCF", "the tool, or the root", true}, one.body);
+}
+
+void describe_perturbation(Fields& fields, PanelPerturbation& one, const Panel& panel) {
+  describe_trouble(fields, one, panel);
+  if (find_perturbation(one.kind) == nullptr) return;
+  fields.text({"load", "gpu_contention with --real-time: command that keeps the GPU busy", "none", true}, one.load);
   fields.references({"tasks", "which tasks it troubles; empty: every one", "[]"}, one.tasks, kTaskNames, "task");
+  fields.each({"with", "what acts besides, each in a window of its own", "[]"}, one.with, kTroubleCount,
+              [&](Fields& f, PanelPerturbation& besides) { describe_trouble(f, besides, panel); });
 }
 
 void describe_claims(Fields& fields, Claims& claims) {
@@ -165,23 +172,42 @@ void check_tasks_and_methods(const Panel& panel, config::Checker& checker) {
   }
 }
 
+void check_trouble(const Panel& panel, const PanelPerturbation& one, const std::string& path,
+                   config::Checker& checker) {
+  checker.require(one.body.empty() || one.kind == "push" || one.kind == "payload", path + ".body",
+                  "only `push` and `payload` strike a body; leave it out");
+  checker.require(one.from + one.length <= panel.duration, path + ".kind",
+                  "its window ends after the rollout's `duration`; move or shorten it");
+}
+
+void check_with(const Panel& panel, const PanelPerturbation& one, const std::string& path, config::Checker& checker) {
+  std::set<std::string> kinds{one.kind};
+  checker.require(one.with.empty() || one.kind != "none", path + ".with",
+                  "`none` is the nominal rollout, which nothing troubles; name one of them as `kind`");
+  for (std::size_t i = 0; i < one.with.size(); ++i) {
+    const std::string place = fmt::format("{}.with[{}]", path, i);
+    checker.require(one.with[i].kind != "none", place + ".kind", "`none` troubles nothing; leave it out");
+    checker.require(kinds.insert(one.with[i].kind).second, place + ".kind",
+                    "acts twice in one rollout; keep one of them");
+    check_trouble(panel, one.with[i], place, checker);
+  }
+}
+
 void check_perturbations(const Panel& panel, config::Checker& checker) {
   std::set<std::tuple<std::string, double, Task>> seen;
   for (std::size_t i = 0; i < panel.perturbations.size(); ++i) {
     const PanelPerturbation& one = panel.perturbations[i];
     const std::string path = fmt::format("perturbations[{}]", i);
     for (const PanelTask& task : panel.tasks)
-      checker.require(!one.troubles(task.task) || seen.insert({one.kind, one.dose, task.task}).second, path + ".kind",
+      checker.require(!one.troubles(task.task) || seen.insert({one.name(), one.dose, task.task}).second, path + ".kind",
                       "is in the list twice with the same dose; keep one");
     for (const std::size_t wanted : one.tasks)
       checker.require(std::ranges::find(panel.tasks, static_cast<Task>(wanted), &PanelTask::task) != panel.tasks.end(),
                       path + ".tasks", "names a task that this panel does not have; drop it, or add the task");
     checker.require(one.load.empty() || one.kind == "gpu_contention", path + ".load",
                     "only `gpu_contention` runs a command; leave it out");
-    checker.require(one.body.empty() || one.kind == "push" || one.kind == "payload", path + ".body",
-                    "only `push` and `payload` strike a body; leave it out");
-    checker.require(one.from + one.length <= panel.duration, path + ".kind",
-                    "its window ends after the rollout's `duration`; move or shorten it");
+    check_trouble(panel, one, path, checker);
+    check_with(panel, one, path, checker);
   }
 }
 
@@ -190,6 +216,18 @@ std::string beside(const std::string& file, const std::string& written) {
 }
 
 }  // namespace
+
+std::string PanelPerturbation::name() const {
+  std::string name = kind;
+  for (const PanelPerturbation& besides : with) name += fmt::format("-with-{}-{:g}", besides.kind, besides.dose);
+  return name;
+}
+
+Perturbation PanelPerturbation::resolved() const {
+  Perturbation made{find_perturbation(kind)->trouble, dose, from, length, load, body, {}};
+  for (const PanelPerturbation& besides : with) made.with.push_back(besides.resolved());
+  return made;
+}
 
 std::expected<Panel, std::string> load_panel(const std::string& path) {
   const auto text = config::read_file(path);

@@ -42,15 +42,19 @@ struct PanelPerturbation {
   std::string kind{perturbation_kinds().front().name};
   double dose = 0;
   Duration from, length;
-  std::vector<std::size_t> tasks{};  // as Task; empty: every task of the panel
-  std::string load{};                // gpu_contention only
-  std::string body{};                // push and payload only
+  std::vector<std::size_t> tasks{};       // as Task; empty: every task of the panel
+  std::string load{};                     // gpu_contention only
+  std::string body{};                     // push and payload only
+  std::vector<PanelPerturbation> with{};  // act besides; theirs are empty
   [[nodiscard]] bool troubles(Task task) const {
     return tasks.empty() || std::ranges::find(tasks, static_cast<std::size_t>(task)) != tasks.end();
   }
-  [[nodiscard]] Perturbation resolved() const {
-    return {find_perturbation(kind)->trouble, dose, from, length, load, body};
+  // In rows and tables: `push`, or `push-with-can_loss-0.1`.
+  [[nodiscard]] std::string name() const;
+  [[nodiscard]] bool has(std::string_view wanted) const {
+    return kind == wanted || std::ranges::find(with, wanted, &PanelPerturbation::kind) != with.end();
   }
+  [[nodiscard]] Perturbation resolved() const;
 };
 
 struct Panel {

@@ -101,7 +101,7 @@ std::expected<Contestant, std::string> make_contestant(const config::RobotConfig
 
 std::string joints_problem(const Panel& panel, const config::RobotConfig& robot) {
   const bool rotates =
-      std::ranges::any_of(panel.perturbations, [](const auto& one) { return one.kind == "wrong_joint_order"; });
+      std::ranges::any_of(panel.perturbations, [](const auto& one) { return one.has("wrong_joint_order"); });
   if (!rotates || robot.joints.size() > 1) return {};
   return robot.file + ": one joint has no order to get wrong; take perturbation `wrong_joint_order` out of the panel";
 }
@@ -201,7 +201,7 @@ RolloutRow Contest::identity(const PlannedRollout& planned) const {
   row.task = kTaskNames[static_cast<std::size_t>(panel_.tasks[planned.task].task)];
   row.method = panel_.methods[planned.method].name;
   row.seed = planned.seed;
-  row.perturbation = perturbation.kind;
+  row.perturbation = perturbation.name();
   row.dose = perturbation.dose;
   row.config_sha256 = who.robot.sha256;
   row.policy_sha256 = who.policy_sha256;

@@ -32,7 +32,7 @@ std::expected<PanelPromise, std::string> panel_promise(const std::string& path) 
   for (const PanelTask& task : panel->tasks) {
     const std::string name(kTaskNames[static_cast<std::size_t>(task.task)]);
     for (const PanelPerturbation& one : panel->perturbations)
-      if (one.troubles(task.task)) promise.conditions.push_back({name, one.kind, one.dose});
+      if (one.troubles(task.task)) promise.conditions.push_back({name, one.name(), one.dose});
     for (const PanelMethod& method : panel->methods) {
       PanelPromise::Contract& contract = promise.contracts[{method.name, name}];
       take(task.overrides, contract);

@@ -101,10 +101,18 @@ const PerturbationKind* find_perturbation(std::string_view name) {
   return found == kKinds.end() ? nullptr : found;
 }
 
-Disturbance::Disturbance(const Perturbation& perturbation, MonoTime rollout_started)
-    : perturbation_(perturbation), begins_(rollout_started + perturbation.from) {
+Disturbance::Disturbance(const Perturbation& perturbation, MonoTime rollout_started) {
+  add(perturbation, rollout_started);
+  for (const Perturbation& besides : perturbation.with) add(besides, rollout_started);
+}
+
+void Disturbance::add(const Perturbation& perturbation, MonoTime rollout_started) {
+  const MonoTime begins = rollout_started + perturbation.from;
   const bool by_dose = lasts_as_long_as_its_dose(perturbation.trouble);
-  ends_ = begins_ + (by_dose ? milliseconds_of(perturbation.dose) : perturbation.length);
+  const MonoTime ends = begins + (by_dose ? milliseconds_of(perturbation.dose) : perturbation.length);
+  strikes_[static_cast<std::size_t>(perturbation.trouble)] = {true, perturbation.dose, begins, ends, perturbation.body};
+  begins_ = begins_.is_set() ? std::min(begins_, begins) : begins;
+  ends_ = std::max(ends_, ends);
 }
 
 Duration Disturbance::delay(Trouble trouble, MonoTime at) const {
@@ -114,12 +122,12 @@ Duration Disturbance::delay(Trouble trouble, MonoTime at) const {
 
 std::int64_t Disturbance::turn(Trouble trouble, MonoTime at) const {
   if (dose(trouble, at) == 0) return 0;
-  return (at - begins_).ns / kRepeat.ns + 1;
+  return (at - begins(trouble)).ns / kRepeat.ns + 1;
 }
 
 bool Disturbance::in_first_part(Trouble trouble, MonoTime at) const {
   const std::int64_t turn_now = turn(trouble, at);
-  return turn_now != 0 && at - begins_ - kRepeat * (turn_now - 1) < delay(trouble, at);
+  return turn_now != 0 && at - begins(trouble) - kRepeat * (turn_now - 1) < delay(trouble, at);
 }
 
 }  // namespace takt::panel

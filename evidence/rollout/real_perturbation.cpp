@@ -150,6 +150,7 @@ Answer played(const Perturbation& perturbation, std::string scenario, const conf
 
 std::expected<RealTrouble, std::string> real_trouble_of(const Perturbation& perturbation,
                                                         const config::RobotConfig& robot, std::uint64_t seed) {
+  if (!perturbation.with.empty()) return refuse(perturbation, "its `with` acts in virtual time only");
   const Duration from = perturbation.from, dose = length_of(perturbation);
   switch (perturbation.trouble) {
     case Trouble::none:

@@ -182,7 +182,7 @@ void RolloutMeasures::fill_outcome(RolloutRow& row) {
   row.final_mode = metrics_.last_mode;
   row.final_cause = last_cause_;
   const bool recovered = was_disturbed_ && well_since_.is_set();
-  if (disturbance_.trouble() != Trouble::none && recovered)
+  if (!disturbance_.has(Trouble::none) && recovered)
     row.recovery_s = std::max(0.0, (well_since_ - disturbance_.ends()).seconds());
 }
 

@@ -15,7 +15,7 @@ void SensorFeed::take(const plant::Sensed& sensed) {
                       .lies = disturbance_.dose(Trouble::sensor_lies, at),
                       .frozen = disturbance_.in_first_part(Trouble::camera_freeze, at),
                       .burst = disturbance_.delay(Trouble::sensor_burst, at),
-                      .burst_since = disturbance_.begins()});
+                      .burst_since = disturbance_.begins(Trouble::sensor_burst)});
 }
 
 const plant::Sensed& SensorFeed::newest(MonoTime now) {

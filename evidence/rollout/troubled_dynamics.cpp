@@ -24,8 +24,8 @@ namespace {
 // What is asked of a world that it cannot do; empty: nothing.
 std::string beyond(const plant::OutsideMechanics& outside, const Disturbance& disturbance) {
   const std::string& world = outside.link().world();
-  if (disturbance.trouble() == Trouble::payload) return "payload: world " + world + " has masses of its own";
-  if (disturbance.trouble() == Trouble::push && !outside.link().gives(TAKT_WORLD_PUSH))
+  if (disturbance.has(Trouble::payload)) return "payload: world " + world + " has masses of its own";
+  if (disturbance.has(Trouble::push) && !outside.link().gives(TAKT_WORLD_PUSH))
     return "push: world " + world + " does not push (docs/world-protocol.md)";
   return {};
 }
@@ -46,13 +46,14 @@ std::expected<std::unique_ptr<TroubledDynamics>, std::string> TroubledDynamics::
         plant::TroubledMechanics::around(std::move(outside), robot), played, disturbance, started, seed));
   }
   std::vector<double> payloads;
-  if (disturbance.trouble() == Trouble::payload)
-    payloads.push_back(disturbance.dose(Trouble::payload, disturbance.begins()));
+  if (disturbance.has(Trouble::payload))
+    payloads.push_back(disturbance.dose(Trouble::payload, disturbance.begins(Trouble::payload)));
   auto body = plant::TroubledMechanics::make(robot, payloads);
   if (!body) return std::unexpected(body.error());
-  if (!(*body)->has_body(disturbance.body()))
-    return std::unexpected(robot.file + ": has no body " + disturbance.body() +
-                           " to push or load; name one of its MJCF");
+  for (const Trouble trouble : {Trouble::push, Trouble::payload})
+    if (!(*body)->has_body(disturbance.body(trouble)))
+      return std::unexpected(robot.file + ": has no body " + disturbance.body(trouble) +
+                             " to push or load; name one of its MJCF");
   return std::unique_ptr<TroubledDynamics>(new TroubledDynamics(std::move(*body), nullptr, disturbance, started, seed));
 }
 
@@ -72,12 +73,13 @@ std::expected<TroubledRobot, std::string> TroubledRobot::make(const config::Robo
 plant::BodyTrouble TroubledDynamics::trouble_now() const {
   plant::BodyTrouble trouble;
   const std::int64_t turn = disturbance_.turn(Trouble::push, now_);
-  if (turn != 0 && now_ - disturbance_.begins() - kRepeat * (turn - 1) < kPushLength) {
+  if (turn != 0 && now_ - disturbance_.begins(Trouble::push) - kRepeat * (turn - 1) < kPushLength) {
     trouble.towards = push_direction(seed_, turn);
     trouble.force = disturbance_.dose(Trouble::push, now_);
   }
   trouble.payload = disturbance_.dose(Trouble::payload, now_);
-  trouble.pushed = trouble.loaded = disturbance_.body();
+  trouble.pushed = disturbance_.body(Trouble::push);
+  trouble.loaded = disturbance_.body(Trouble::payload);
   if (const double factor = disturbance_.dose(Trouble::friction, now_); factor > 0) trouble.friction = factor;
   return trouble;
 }

@@ -71,15 +71,16 @@ void VirtualPolicy::observe(const Observation& observation) {
 }
 
 void VirtualPolicy::live_through_crash(MonoTime now) {
-  if (disturbance_.trouble() != Trouble::policy_crash || now < disturbance_.begins()) return;
+  if (!disturbance_.has(Trouble::policy_crash) || now < disturbance_.begins(Trouble::policy_crash)) return;
+  const MonoTime died = disturbance_.begins(Trouble::policy_crash), back = disturbance_.ends(Trouble::policy_crash);
   if (!crashed_) {
     crashed_ = true;
     waiting_.clear();
-    std::erase_if(sent_, [&](const ArrivedCommand& one) { return one.published_at > disturbance_.begins(); });
-    std::erase_if(in_flight_, [&](const InFlight& one) { return one.published > disturbance_.begins(); });
-    std::ranges::fill(free_at_, disturbance_.ends());
+    std::erase_if(sent_, [&](const ArrivedCommand& one) { return one.published_at > died; });
+    std::erase_if(in_flight_, [&](const InFlight& one) { return one.published > died; });
+    std::ranges::fill(free_at_, back);
   }
-  if (!restarted_ && now >= disturbance_.ends()) {
+  if (!restarted_ && now >= back) {
     restarted_ = true;
     ++session_;
     if (responder_) return responder_->start_session();
@@ -89,14 +90,14 @@ void VirtualPolicy::live_through_crash(MonoTime now) {
 
 // A process that stands still does what it was about to do once it goes on.
 MonoTime VirtualPolicy::awake(MonoTime at) const {
-  return disturbance_.dose(Trouble::policy_freeze, at) > 0 ? disturbance_.ends() : at;
+  return disturbance_.dose(Trouble::policy_freeze, at) > 0 ? disturbance_.ends(Trouble::policy_freeze) : at;
 }
 
 MonoTime VirtualPolicy::end_of(MonoTime start, Duration work) const {
   const MonoTime end = start + work;
-  const bool frozen_meanwhile =
-      disturbance_.trouble() == Trouble::policy_freeze && start < disturbance_.begins() && end > disturbance_.begins();
-  return frozen_meanwhile ? end + (disturbance_.ends() - disturbance_.begins()) : end;
+  if (!disturbance_.has(Trouble::policy_freeze)) return end;
+  const MonoTime begins = disturbance_.begins(Trouble::policy_freeze), ends = disturbance_.ends(Trouble::policy_freeze);
+  return start < begins && end > begins ? end + (ends - begins) : end;
 }
 
 VirtualPolicy::Waiting VirtualPolicy::next(MonoTime ready) {

@@ -24,7 +24,7 @@ MonoTime WakeUps::free_again(Trouble trouble, Duration every, MonoTime at) const
   const Duration taken = disturbance_.delay(trouble, at);
   if (taken.ns == 0) return at;
   const Duration phase{std::llround(static_cast<double>(every.ns) * phase_)};
-  const Duration since_first = at - disturbance_.begins() - phase;
+  const Duration since_first = at - disturbance_.begins(trouble) - phase;
   if (since_first.ns < 0) return at;
   const Duration since_last{since_first.ns % every.ns};
   return since_last < taken ? at + (taken - since_last) : at;

@@ -131,6 +131,16 @@ const Refusal kRefusals[] = {
      "perturbations[1].tasks: names a task that this panel does not have"},
     {"a task nobody knows", "dose: 12.5", "tasks: [arm_tracing], dose: 12.5", "did you mean `arm_tracking`?"},
     {"window past the end", "from: 1 s", "from: 3500 ms", "its window ends after the rollout's `duration`"},
+    {"the same twice in one rollout", "for: 1 s }", "for: 1 s, with: [{ kind: push, dose: 3 }] }",
+     "perturbations[1].with[0].kind: acts twice in one rollout; keep one of them"},
+    {"something besides nothing", "kind: none }", "kind: none, with: [{ kind: push }] }",
+     "perturbations[0].with: `none` is the nominal rollout"},
+    {"nothing besides something", "for: 1 s }", "for: 1 s, with: [{ kind: none }] }",
+     "perturbations[1].with[0].kind: `none` troubles nothing; leave it out"},
+    {"besides, past the end", "for: 1 s }", "for: 1 s, with: [{ kind: can_loss, from: 3 s }] }",
+     "perturbations[1].with[0].kind: its window ends after the rollout's `duration`"},
+    {"one of several tasks, besides", "for: 1 s }", "for: 1 s, with: [{ kind: can_loss, tasks: [arm_tracking] }] }",
+     "unknown key `tasks`"},
     {"bound without unit", "bound: 20 mm", "bound: 20", "6:"},
     {"twice the same", "kind: none }", "kind: push, dose: 12.5, from: 1 s, for: 1 s }", "is in the list twice"},
     {"scored too long", "scored: 1 s", "scored: 9 s", "is longer than the rollout's `duration`"},
@@ -174,6 +184,28 @@ TEST_F(PanelFile, CommittedPanelsAreGood) {
 
 // Goal: a robot that walks is asked for what the file says, and the panel for walkers fits one. Method: its keys, and a
 // refusal; the committed panel's overrides on a robot file of the tests.
+// Goal: what acts besides a perturbation has the panel's window or its own, and rows name it. Method: the small panel
+// with a push beside lost frames and a stall.
+TEST_F(PanelFile, WhatActsBesidesIsNamed) {
+  const auto panel = load_panel(written(
+      with("for: 1 s }", "for: 1 s, with: [{ kind: can_loss }, { kind: inference_stall, dose: 50, from: 0 s }] }")));
+  ASSERT_TRUE(panel.has_value()) << panel.error();
+  const PanelPerturbation& push = panel->perturbations[1];
+  EXPECT_EQ(push.name(), "push-with-can_loss-0.1-with-inference_stall-50");
+  EXPECT_TRUE(push.has("can_loss"));
+  EXPECT_FALSE(push.has("can_delay"));
+  const Perturbation all = push.resolved();
+  ASSERT_EQ(all.with.size(), 2U);
+  EXPECT_EQ(all.from, seconds(1));
+  EXPECT_EQ(all.with[0].from, seconds(2)) << "the panel's window";
+  EXPECT_EQ(all.with[1].trouble, Trouble::inference_stall);
+  EXPECT_EQ(all.with[1].from, Duration{});
+  const auto contest = Contest::prepare(*panel);
+  ASSERT_TRUE(contest.has_value()) << contest.error();
+  const RolloutRow row = contest->identity({.task = 0, .perturbation = 1, .method = 0, .seed = 7});
+  EXPECT_EQ(rollout_id(row), "arm_tracking.push-with-can_loss-0.1-with-inference_stall-50@12.5.takt.s7");
+}
+
 TEST_F(PanelFile, AsksARobotThatWalksForAVelocity) {
   const auto panel = load_panel("config/panels/walkers.yaml");
   ASSERT_TRUE(panel) << panel.error();

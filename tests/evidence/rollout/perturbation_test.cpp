@@ -196,6 +196,67 @@ TEST_P(EveryPerturbation, DoesWhatItClaimsInsideItsWindowOnly) {
 INSTANTIATE_TEST_SUITE_P(Panel, EveryPerturbation, testing::ValuesIn(kClaims),
                          [](const auto& row) { return std::string(row.param.perturbation); });
 
+// Goal: perturbations act together, each in its own window, whichever of them is named first. Method: lost frames from
+// 2 s to 4 s and a policy that stands still at 3 s; until then lost frames alone give the same ticks, and each alone
+// gives others.
+TEST(Perturbation, WhatActsBesidesHasAWindowOfItsOwn) {
+  const Perturbation losses{Trouble::can_loss, 0.1, seconds(2), seconds(2)},
+      freeze{Trouble::policy_freeze, 400, seconds(3), seconds(1)};
+  const MonoTime frozen = kWindow + seconds(1);
+  struct Ran {
+    RolloutRow row;
+    std::vector<std::vector<char>> before;        // records before the freeze
+    int frozen_commands = 0, later_commands = 0;  // published while it lasts; after it, while frames are lost
+  };
+  const auto ran = [&](const Perturbation& perturbation, const Perturbation* besides) {
+    Ran seen;
+    RolloutSetup wanted = test::setup();
+    wanted.perturbation = perturbation;
+    if (besides != nullptr) wanted.perturbation.with = {*besides};
+    wanted.on_tick = [&](const TickRecord& record) {
+      const auto* const bytes = reinterpret_cast<const char*>(&record);
+      if (record.header.now < frozen) seen.before.emplace_back(bytes, bytes + record.used_bytes());
+    };
+    wanted.on_command = [&](const CommandChunk& chunk) {
+      const Duration since = chunk.header.published_at - frozen;
+      seen.frozen_commands += since >= milliseconds(5) && since < milliseconds(400) ? 1 : 0;
+      seen.later_commands += since >= milliseconds(400) && since < seconds(1) ? 1 : 0;
+    };
+    seen.row = test::run(wanted);
+    return seen;
+  };
+  const Ran both = ran(losses, &freeze), turned = ran(freeze, &losses), lost = ran(losses, nullptr),
+            froze = ran(freeze, nullptr);
+  EXPECT_EQ(both.row.replay_hash, turned.row.replay_hash);
+  EXPECT_EQ(both.before, lost.before);
+  EXPECT_NE(both.row.replay_hash, lost.row.replay_hash);
+  EXPECT_NE(both.row.replay_hash, froze.row.replay_hash);
+  EXPECT_EQ(both.frozen_commands, 0);
+  EXPECT_GE(both.later_commands, 5);
+}
+
+// Goal: windows and bodies belong to their trouble, and the whole lasts from the first to the last. Method: three at
+// once.
+TEST(Perturbation, EachTroubleKeepsItsOwnInstants) {
+  Perturbation three{Trouble::push, 30, seconds(3), seconds(2), {}, "torso"};
+  three.with = {{Trouble::can_delay, 4, seconds(2), seconds(4)}, {Trouble::bus_off, 500, seconds(1), seconds(9)}};
+  const MonoTime start{1'000'000'000};
+  const Disturbance seen(three, start);
+  EXPECT_FALSE(seen.has(Trouble::none));
+  EXPECT_FALSE(seen.has(Trouble::payload));
+  EXPECT_EQ(seen.body(Trouble::push), "torso");
+  EXPECT_EQ(seen.body(Trouble::payload), "");
+  EXPECT_EQ(seen.dose(Trouble::push, start + milliseconds(2999)), 0);
+  EXPECT_EQ(seen.dose(Trouble::push, start + seconds(3)), 30);
+  EXPECT_EQ(seen.turn(Trouble::push, start + milliseconds(4500)), 2);
+  EXPECT_EQ(seen.dose(Trouble::bus_off, start + milliseconds(1499)), 500);
+  EXPECT_EQ(seen.dose(Trouble::bus_off, start + milliseconds(1500)), 0) << "as long as its dose";
+  EXPECT_EQ(seen.delay(Trouble::can_delay, start + seconds(5)), milliseconds(4));
+  EXPECT_EQ(seen.dose(Trouble::payload, start + seconds(3)), 0);
+  EXPECT_EQ(seen.begins(), start + seconds(1));
+  EXPECT_EQ(seen.ends(), start + seconds(6));
+}
+
 TEST(Perturbation, EveryRowOfTheTableHasAClaim) {
   for (const PerturbationKind& kind : perturbation_kinds().subspan(1)) {
     EXPECT_EQ(

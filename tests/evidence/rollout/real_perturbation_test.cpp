@@ -80,6 +80,15 @@ TEST_F(RealPerturbation, WhatHasNoMechanismIsRefusedByName) {
   }
 }
 
+// Goal: what acts besides is refused and not left out. Method: lost frames beside a crash.
+TEST_F(RealPerturbation, WhatActsBesidesIsRefused) {
+  Perturbation both = moderate(*find_perturbation("policy_crash"));
+  both.with = {moderate(*find_perturbation("can_loss"))};
+  const auto trouble = real_trouble_of(both, robot_, 1);
+  ASSERT_FALSE(trouble.has_value());
+  EXPECT_EQ(trouble.error(), "policy_crash: its `with` acts in virtual time only");
+}
+
 TEST_F(RealPerturbation, SensorsSufferWhereTheSimulatorPlaysThem) {
   const Perturbation lies = moderate(*find_perturbation("sensor_lies"));
   EXPECT_EQ(simulated_sensors(robot_), std::vector<std::string>{"target"});
