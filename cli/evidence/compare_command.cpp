@@ -1,7 +1,10 @@
 // takt compare: two methods row by row, only where the same-artifact rule allows it.
 #include <fmt/format.h>
 
+#include <charconv>
 #include <memory>
+#include <optional>
+#include <string_view>
 
 #include "cli/command.hpp"
 #include "evidence/judge/compare.hpp"
@@ -11,17 +14,37 @@ namespace takt::cli {
 namespace {
 
 struct CompareOptions {
-  std::string a, b, method_a, method_b, html;
-  bool json = false, rows = false;
+  std::string a, b, method_a, method_b, html, margin;
+  bool json = false, rows = false, plan = false;
 };
 
+// "2%" as 0.02; between 0 and 100 %.
+std::optional<double> share_of(std::string_view text) {
+  if (!text.ends_with('%')) return std::nullopt;
+  text.remove_suffix(1);
+  double percent = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), percent);
+  if (error != std::errc{} || end != text.data() + text.size() || !(percent > 0 && percent < 100)) return std::nullopt;
+  return percent / 100;
+}
+
 int compare(const CompareOptions& options) {
+  std::optional<panel::SuccessMargin> margin;
+  if (!options.margin.empty()) {
+    const auto width = share_of(options.margin);
+    if (!width)
+      return refuse(kExitUsage, fmt::format("takt compare: --margin {}: write a share of success between 0 and 100 %, "
+                                            "such as 2%",
+                                            options.margin));
+    margin = {.width = *width, .with_plan = options.plan};
+  }
   const auto a = panel::open_finished_artifact(options.a);
   if (!a) return fail("takt compare", a.error());
   const auto b = panel::open_finished_artifact(options.b.empty() ? options.a : options.b);
   if (!b) return fail("takt compare", b.error());
-  const auto comparison = panel::compare(*a, *b, options.method_a, options.method_b);
+  auto comparison = panel::compare(*a, *b, options.method_a, options.method_b);
   if (!comparison) return fail("takt compare", comparison.error());
+  comparison->margin = margin;
   if (!options.html.empty()) {
     auto written = monitor::replace_file(options.html, panel::comparison_html(*comparison));
     if (!written) return fail("takt compare", written.error());
@@ -44,11 +67,15 @@ void add_compare(CLI::App& app, int& exit_code) {
   command->add_option("--method-a", options->method_a, "method of A; needed where A holds several");
   command->add_option("--method-b", options->method_b, "method of B; needed where B holds several");
   command->add_flag("--json", options->json, "print the comparison as one line of JSON (docs/evidence.md)");
-  command->add_flag("--rows", options->rows, "list the pairs row by row instead of the statistics");
+  auto* const rows = command->add_flag("--rows", options->rows, "list the pairs row by row instead of the statistics");
+  auto* const margin = command->add_option("--margin", options->margin,
+                                           "P%: say whether B's success is worse than A's by no more than this");
+  margin->excludes(rows);
+  command->add_flag("--plan", options->plan, "with --margin: also say how many pairs decide")->needs(margin);
   command->add_option("--html", options->html, "also write the comparison as one HTML file");
   command->footer(
-      "Example: takt compare artifacts/smoke --method-a fast --method-b slow\n"
-      "Exit codes: 0 compared; 1 not comparable, with the reason, or not an artifact.");
+      "Example: takt compare artifacts/smoke --method-a fast --method-b slow --margin 2%\n"
+      "Exit codes: 0 compared; 1 not comparable, with the reason, or not an artifact; 64 command line.");
   command->callback([options, &exit_code] { exit_code = compare(*options); });
 }
 

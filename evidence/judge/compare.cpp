@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "evidence/artifact/rollout_fields.hpp"
+#include "evidence/judge/exact_rate_interval.hpp"
 
 namespace takt::panel {
 namespace {
@@ -55,10 +56,15 @@ std::vector<const RolloutField*> compared_fields(bool same_contract) {
   return fields;
 }
 
-MetricDifference metric_difference(const RolloutField& field, std::span<const RowPair* const> pairs) {
+bool more_is_better(std::string_view metric) {
+  return metric == "success" || metric == "mode_share.tracking";
+}
+
+MetricDifference metric_difference(const RolloutField& field, std::span<const RowPair* const> pairs,
+                                   const std::string& table) {
   MetricDifference result{.metric = field.name, .unit = field.unit, .difference = {}};
-  std::vector<double> differences;
-  double sum_a = 0, sum_b = 0;
+  std::map<std::uint64_t, SeedDifference> by_seed;
+  double sum_a = 0, sum_b = 0, better = 0, count = 0;
   for (const RowPair* pair : pairs) {
     const auto a = number_at(field, pair->a), b = number_at(field, pair->b);
     if (!a || !b) {
@@ -67,25 +73,73 @@ MetricDifference metric_difference(const RolloutField& field, std::span<const Ro
     }
     sum_a += *a;
     sum_b += *b;
-    differences.push_back(*b - *a);
+    better += *a == *b ? 0.5 : (*b > *a) == more_is_better(field.name) ? 1 : 0;
+    ++count;
+    result.differs = result.differs || *a != *b;
+    SeedDifference& seed = by_seed[pair->a.seed];
+    seed.sum += *b - *a;
+    ++seed.pairs;
   }
-  if (!differences.empty()) {
-    result.mean_a = sum_a / static_cast<double>(differences.size());
-    result.mean_b = sum_b / static_cast<double>(differences.size());
-  }
-  result.difference = mean_difference(differences, kBootstrapSeed);
+  if (count == 0) return result;
+  result.mean_a = sum_a / count;
+  result.mean_b = sum_b / count;
+  result.b_better = better / count;
+  std::vector<SeedDifference> seeds;
+  for (const auto& [seed, difference] : by_seed) seeds.push_back(difference);
+  result.difference = mean_difference(seeds, table + field.name);
+  result.p_value = sign_flip_p(seeds);
   return result;
 }
 
-GroupComparison group_of(std::span<const RowPair* const> pairs, std::span<const RolloutField* const> fields) {
-  GroupComparison group;
+// The pairs' success, with the interval of its difference.
+Interval judge_success(std::span<const RowPair* const> pairs, SuccessTable& table) {
+  std::map<std::uint64_t, SeedSuccess> by_seed;
   for (const RowPair* pair : pairs) {
-    std::uint64_t& cell = pair->a.success ? (pair->b.success ? group.success.both : group.success.only_a)
-                                          : (pair->b.success ? group.success.only_b : group.success.neither);
+    std::uint64_t& cell = pair->a.success ? (pair->b.success ? table.both : table.only_a)
+                                          : (pair->b.success ? table.only_b : table.neither);
     ++cell;
+    SeedSuccess& seed = by_seed[pair->a.seed];
+    seed.only_a += pair->a.success && !pair->b.success ? 1U : 0U;
+    seed.only_b += pair->b.success && !pair->a.success ? 1U : 0U;
+    ++seed.pairs;
   }
-  group.success.p_value = mcnemar_exact_p(group.success.only_a, group.success.only_b);
-  for (const RolloutField* field : fields) group.metrics.push_back(metric_difference(*field, pairs));
+  std::vector<SeedSuccess> seeds;
+  std::vector<SeedDifference> differences;
+  for (const auto& [number, seed] : by_seed) {
+    seeds.push_back(seed);
+    differences.push_back({static_cast<double>(seed.only_b) - static_cast<double>(seed.only_a), seed.pairs});
+    table.seeds_for_a += seed.only_a > seed.only_b ? 1U : 0U;
+    table.seeds_for_b += seed.only_b > seed.only_a ? 1U : 0U;
+  }
+  table.seeds = seeds.size();
+  table.p_value = sign_flip_p(differences);
+  table.evidence = anytime_evidence(table.seeds_for_a, table.seeds_for_b);
+  table.effective_pairs = effective_pairs(seeds);
+  return exact_rate_interval(seeds);
+}
+
+void mark_clear_lines(std::vector<MetricDifference>& metrics) {
+  std::vector<MetricDifference*> tested;
+  std::vector<double> p_values;
+  for (MetricDifference& metric : metrics) {
+    if (!metric.differs) continue;
+    tested.push_back(&metric);
+    p_values.push_back(metric.p_value);
+  }
+  const std::vector<bool> rejected = holm_rejects(p_values);
+  for (std::size_t at = 0; at < tested.size(); ++at) tested[at]->is_clear = rejected[at];
+}
+
+// `name` starts the generators of the table's lines.
+GroupComparison group_of(std::span<const RowPair* const> pairs, std::span<const RolloutField* const> fields,
+                         const std::string& name) {
+  GroupComparison group;
+  const Interval success = judge_success(pairs, group.success);
+  for (const RolloutField* field : fields) {
+    group.metrics.push_back(metric_difference(*field, pairs, name));
+    if (field->name == "success") group.metrics.back().difference.interval = success;
+  }
+  mark_clear_lines(group.metrics);
   return group;
 }
 
@@ -133,10 +187,11 @@ void compare_groups(bool same_contract, Comparison& out) {
     groups[{pair.a.task, pair.a.perturbation, pair.a.dose}].push_back(&pair);
   }
   for (const auto& [key, pairs] : groups) {
-    out.groups.push_back(group_of(pairs, fields));
+    const auto& [task, perturbation, dose] = key;
+    out.groups.push_back(group_of(pairs, fields, fmt::format("{} {}@{:g} ", task, perturbation, dose)));
     std::tie(out.groups.back().task, out.groups.back().perturbation, out.groups.back().dose) = key;
   }
-  out.pooled = group_of(all, fields);
+  out.pooled = group_of(all, fields, "all ");
 }
 
 std::string contract_text(const TaskFacts& facts) {

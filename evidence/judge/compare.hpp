@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "evidence/artifact/artifact.hpp"
@@ -19,19 +20,25 @@
 
 namespace takt::panel {
 
-inline constexpr const char* kComparisonSchema = "takt.comparison/1";
-inline constexpr std::uint64_t kBootstrapSeed = 552;
+inline constexpr const char* kComparisonSchema = "takt.comparison/2";
 
 struct SuccessTable {
   std::uint64_t both = 0, only_a = 0, only_b = 0, neither = 0;
-  double p_value = 1;  // exact McNemar, two-sided
+  std::uint64_t seeds = 0, seeds_for_a = 0, seeds_for_b = 0;  // all, and those in which one succeeded more often
+  double p_value = 1;          // of equal success: sign_flip_p over seeds, exact McNemar where each has one pair
+  double evidence = 1;         // against equal success: anytime_evidence over seeds
+  double effective_pairs = 0;  // independent pairs that say as much
   [[nodiscard]] std::uint64_t pairs() const { return both + only_a + only_b + neither; }
 };
 
 struct MetricDifference {
   std::string metric, unit;
   double mean_a = 0, mean_b = 0;  // over the pairs
-  MeanDifference difference;      // b - a
+  MeanDifference difference;      // b - a; of success with its exact interval
+  double b_better = 0;            // share of the pairs, ties half
+  double p_value = 1;             // of neither method being better: sign_flip_p
+  bool differs = false;           // in any pair
+  bool is_clear = false;          // survives Holm's correction over its table
   std::uint64_t left_out = 0;     // pairs without a number on both sides
 };
 
@@ -53,18 +60,45 @@ struct Side {
   std::uint64_t unpaired = 0;          // rows of the method without a partner
 };
 
+// What the reader calls no worse.
+struct SuccessMargin {
+  double width = 0;  // between 0 and 1
+  bool with_plan = false;
+};
+
 struct Comparison {
   Side a, b;
   std::string panel;
   std::vector<RowPair> pairs;  // ordered by task, perturbation, dose, seed
   std::vector<GroupComparison> groups;
   GroupComparison pooled;
+  std::optional<SuccessMargin> margin;
   std::vector<std::string> notes;  // what a reader must know before quoting a number
 };
 
 // Empty method names stand for an artifact's only method. The error is one sentence: why these must not be compared.
 std::expected<Comparison, std::string> compare(const Artifact& a, const Artifact& b, const std::string& method_a = "",
                                                const std::string& method_b = "");
+
+// How B's success over all pairs stands to A's.
+enum class MarginVerdict : std::uint8_t {
+  superior,      // the interval lies above 0
+  non_inferior,  // above -margin
+  inferior,      // below -margin
+  undecided,
+};
+// `margin` between 0 and 1.
+MarginVerdict margin_verdict(const Comparison& comparison, double margin);
+std::string_view name(MarginVerdict verdict);
+// Pairs after which the interval lies above -margin with a probability of 90 %, if both methods succeed equally often
+// and as many pairs differ as seen. Sources: Connor 1987, Sample size for testing differences in proportions for the
+// paired-sample design; where none differ, the score interval's end.
+std::uint64_t pairs_to_decide(const Comparison& comparison, double margin);
+
+// Sentences that text and HTML share.
+std::string success_text(const SuccessTable& success);
+std::string any_look_text(const SuccessTable& success);
+std::string margin_text(const Comparison& comparison, const SuccessMargin& margin);
 
 std::string comparison_text(const Comparison& comparison);
 // One line per pair: how each side ended, p99 age per tick, tracking error.

@@ -14,30 +14,26 @@ std::string title(const GroupComparison& group) {
   return fmt::format("{}, {} at dose {:g}", group.task, group.perturbation, group.dose);
 }
 
-bool excludes_zero(const MeanDifference& difference) {
-  return difference.interval && (difference.interval->low > 0 || difference.interval->high < 0);
+std::string interval_text(const MeanDifference& difference) {
+  if (difference.interval) return fmt::format("[{:.4g}, {:.4g}]", difference.interval->low, difference.interval->high);
+  return difference.seeds == 1 ? "one seed" : "too little spread";
 }
 
 std::string metric_line(const MetricDifference& metric) {
   const std::string name =
       metric.unit == "1" || metric.unit.empty() ? metric.metric : fmt::format("{} [{}]", metric.metric, metric.unit);
   if (metric.difference.pairs == 0) return fmt::format("  {:<36} no pair has this number\n", name);
-  const std::string interval =
-      metric.difference.interval
-          ? fmt::format("[{:.4g}, {:.4g}]", metric.difference.interval->low, metric.difference.interval->high)
-          : "one pair";
-  return fmt::format("  {:<36}{:>11.4g}{:>11.4g}{:>+11.4g}  {:<26}{}{}\n", name, metric.mean_a, metric.mean_b,
-                     metric.difference.mean, interval, excludes_zero(metric.difference) ? "*" : " ",
+  return fmt::format("  {:<36}{:>11.4g}{:>11.4g}{:>+11.4g}{:>8.0f} %  {:<26}{}{}\n", name, metric.mean_a, metric.mean_b,
+                     metric.difference.mean, 100 * metric.b_better, interval_text(metric.difference),
+                     metric.is_clear ? "*" : " ",
                      metric.left_out == 0 ? "" : fmt::format(" {} pairs left out", metric.left_out));
 }
 
 std::string group_text(const GroupComparison& group) {
   const SuccessTable& success = group.success;
   std::string text = fmt::format("\n{} ({} pairs)\n", title(group), success.pairs());
-  text += fmt::format("  success: A {} of {}, B {} of {}; only A {}, only B {}, exact McNemar p = {:.4g}\n",
-                      success.both + success.only_a, success.pairs(), success.both + success.only_b, success.pairs(),
-                      success.only_a, success.only_b, success.p_value);
-  text += fmt::format("  {:<36}{:>11}{:>11}{:>11}  {}\n", "", "A", "B", "B - A", "95 % interval");
+  text += fmt::format("  success: {}\n", success_text(success));
+  text += fmt::format("  {:<36}{:>11}{:>11}{:>11}{:>10}  {}\n", "", "A", "B", "B - A", "B better", "95 % interval");
   for (const MetricDifference& metric : group.metrics) text += metric_line(metric);
   return text;
 }
@@ -52,11 +48,10 @@ Json json_of(const GroupComparison& group) {
   Json json;
   if (!group.task.empty()) json = {{"task", group.task}, {"perturbation", group.perturbation}, {"dose", group.dose}};
   json["pairs"] = group.success.pairs();
-  json["success"] = {{"both", group.success.both},
-                     {"only_a", group.success.only_a},
-                     {"only_b", group.success.only_b},
-                     {"neither", group.success.neither},
-                     {"mcnemar_exact_p", group.success.p_value}};
+  json["success"] = {{"both", group.success.both},         {"only_a", group.success.only_a},
+                     {"only_b", group.success.only_b},     {"neither", group.success.neither},
+                     {"seeds", group.success.seeds},       {"exact_p", group.success.p_value},
+                     {"evidence", group.success.evidence}, {"effective_pairs", group.success.effective_pairs}};
   json["metrics"] = Json::array();
   for (const MetricDifference& metric : group.metrics) {
     const auto& interval = metric.difference.interval;
@@ -68,7 +63,10 @@ Json json_of(const GroupComparison& group) {
                                {"mean_a", any ? Json(metric.mean_a) : Json()},
                                {"mean_b", any ? Json(metric.mean_b) : Json()},
                                {"difference", any ? Json(metric.difference.mean) : Json()},
-                               {"interval", interval ? Json{interval->low, interval->high} : Json()}});
+                               {"b_better", any ? Json(metric.b_better) : Json()},
+                               {"interval", interval ? Json{interval->low, interval->high} : Json()},
+                               {"p_value", any ? Json(metric.p_value) : Json()},
+                               {"clear", metric.is_clear}});
   }
   return json;
 }
@@ -92,9 +90,12 @@ Json json_of(const Side& side) {
 
 std::string comparison_text(const Comparison& comparison) {
   std::string text = head_text(comparison);
-  text += group_text(comparison.pooled);
+  text += group_text(comparison.pooled) + "  success " + any_look_text(comparison.pooled.success);
+  if (comparison.margin) text += '\n' + margin_text(comparison, *comparison.margin);
   for (const GroupComparison& group : comparison.groups) text += group_text(group);
-  return text + "\n* the interval excludes 0. With many metrics and perturbations some do so by chance.\n";
+  return text +
+         "\n* survives Holm's correction over its table: without any difference at most one table in twenty has a "
+         "star.\n";
 }
 
 std::string comparison_rows_text(const Comparison& comparison) {
@@ -113,7 +114,13 @@ Json to_json(const Comparison& comparison) {
   json["a"] = json_of(comparison.a);
   json["b"] = json_of(comparison.b);
   json["notes"] = comparison.notes;
-  json["bootstrap"] = {{"resamples", kResamples}, {"confidence", kConfidence}, {"seed", kBootstrapSeed}};
+  json["bootstrap"] = {{"resamples", kResamples}, {"confidence", kConfidence}};
+  if (comparison.margin) {
+    const double width = comparison.margin->width;
+    json["margin"] = {{"width", width},
+                      {"verdict", name(margin_verdict(comparison, width))},
+                      {"pairs_to_decide", pairs_to_decide(comparison, width)}};
+  }
   json["pooled"] = json_of(comparison.pooled);
   json["groups"] = Json::array();
   for (const GroupComparison& group : comparison.groups) json["groups"].push_back(json_of(group));

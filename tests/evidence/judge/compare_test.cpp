@@ -8,6 +8,7 @@
 
 #include "config/load.hpp"
 #include "evidence/artifact/merge.hpp"
+#include "evidence/judge/exact_rate_interval.hpp"
 #include "tests/evidence/artifact/sample_artifact.hpp"
 #include "tests/evidence/artifact/sample_rows.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
@@ -68,8 +69,13 @@ TEST_F(CompareTest, PairsRowByRow) {
   EXPECT_EQ(result.pooled.success.both, 12U);
   const MetricDifference& age = metric(result.pooled, "age_per_command.total.p95_ms");
   EXPECT_DOUBLE_EQ(age.difference.mean, 5);
-  EXPECT_EQ(age.difference.interval, (Interval{5, 5}));
+  EXPECT_FALSE(age.difference.interval) << "the same 5 ms in every seed: no spread, and no certainty";
   EXPECT_EQ(age.difference.pairs, 20U);
+  EXPECT_EQ(age.difference.seeds, 10U);
+  EXPECT_EQ(age.b_better, 0);
+  EXPECT_NEAR(age.p_value, 2.0 / 1024, 1e-12) << "ten seeds, not twenty pairs";
+  EXPECT_TRUE(age.is_clear);
+  EXPECT_EQ(metric(stall, "success").b_better, 0.9);
   // Failed rollouts never recovered: left out of that metric, and said so.
   EXPECT_EQ(metric(stall, "recovery_s").left_out, 8U);
   EXPECT_EQ(metric(stall, "recovery_s").difference.pairs, 2U);
@@ -79,6 +85,47 @@ TEST_F(CompareTest, PairsRowByRow) {
   EXPECT_EQ(to_json(result)["groups"][1]["success"]["only_b"], 8);
   EXPECT_EQ(comparison_html(result).find("<script"), std::string::npos);
   EXPECT_EQ(comparison_html(result).find("Fault classifier"), std::string::npos) << "no cause was planted";
+}
+
+// Ten successes of ten on both sides leave much open, and say so everywhere.
+TEST_F(CompareTest, EqualSuccessIsNoCertainty) {
+  const Artifact a = artifact_of("fast", 0, never), b = artifact_of("slow", 0, never);
+  Comparison result = compare(a, b).value();
+  for (const GroupComparison* table : {&result.pooled, &result.groups[0]}) {
+    const Interval interval = metric(*table, "success").difference.interval.value();
+    EXPECT_LT(interval.low, -0.3) << "ten seeds, whatever their conditions";
+    EXPECT_GT(interval.high, 0.3);
+  }
+  for (const MetricDifference& each : result.pooled.metrics) EXPECT_FALSE(each.is_clear) << each.metric;
+  EXPECT_EQ(margin_verdict(result, 0.02), MarginVerdict::undecided);
+  EXPECT_EQ(margin_verdict(result, 0.5), MarginVerdict::non_inferior);
+  EXPECT_EQ(pairs_to_decide(result, 0.02), 385U) << "1.96^2 / 0.02 seeds of two pairs";
+  result.margin = SuccessMargin{.width = 0.02, .with_plan = true};
+  const std::string text = comparison_text(result);
+  EXPECT_NE(text.find("margin 2 %: B is undecided in success (-32 % to +32 %)\nplan: 385 pairs"), std::string::npos)
+      << text;
+  EXPECT_NE(text.find("success at any look: undecided, evidence 1 of 20"), std::string::npos) << text;
+  EXPECT_EQ(to_json(result)["margin"]["verdict"], "undecided");
+  EXPECT_NE(comparison_html(result).find("B is undecided in success"), std::string::npos);
+}
+
+TEST_F(CompareTest, DecidesWhereSuccessDiffers) {
+  const Artifact a = artifact_of("fast", 0, often), b = artifact_of("slow", 5, never);
+  const Comparison better = compare(a, b).value(), worse = compare(b, a).value();
+  EXPECT_EQ(margin_verdict(better, 0.02), MarginVerdict::superior);
+  EXPECT_EQ(margin_verdict(worse, 0.02), MarginVerdict::inferior);
+  EXPECT_EQ(better.pooled.success.seeds_for_b, 8U);
+  EXPECT_NEAR(better.pooled.success.evidence, 12870.0 / 256, 1e-9);  // C(16, 8) / 2^8
+  EXPECT_NE(comparison_text(better).find("at any look: B succeeds more often"), std::string::npos);
+  EXPECT_NE(comparison_text(worse).find("at any look: A succeeds more often"), std::string::npos);
+}
+
+// The plan keeps its word where it can be checked at once: with that many seeds and no discordant pair it is decided.
+TEST(ComparePlan, DecidesWhenItSays) {
+  for (const std::uint64_t seeds : {193U, 180U}) {
+    const std::vector<SeedSuccess> all(seeds, SeedSuccess{0, 0, 1});
+    EXPECT_EQ(exact_rate_interval(all).low > -0.02, seeds == 193);
+  }
 }
 
 TEST(CompareHtml, ShowsTheConfusionMatricesWhereBothSidesHaveOne) {
