@@ -15,6 +15,7 @@
 
 #include "cli/command.hpp"
 #include "cli/run/child_process.hpp"
+#include "cli/run/scenario.hpp"
 #include "evidence/panel/recorded_row.hpp"
 #include "evidence/rollout/arm_world.hpp"
 #include "evidence/rollout/real_perturbation.hpp"
@@ -114,6 +115,12 @@ std::string plant_file(const std::string& folder) {
   return folder + "/plant.yaml";
 }
 
+// A policy that would come back after the rollout does not: takt run refuses what cannot happen.
+bool is_within(const std::string& action, Duration duration) {
+  const auto events = parse_scenario({action});
+  return !events || check_instants(*events, duration).has_value();
+}
+
 // Of the rollout that lives in `folder`: everything but where its sockets are.
 std::vector<std::string> arguments_of(const panel::Panel& panel, const panel::RealTrouble& trouble, std::uint64_t seed,
                                       const std::string& folder) {
@@ -131,7 +138,8 @@ std::vector<std::string> arguments_of(const panel::Panel& panel, const panel::Re
                                      fmt::format("--plant=--target-entry={:.3f}", panel::target_entry(seed).seconds()),
                                      fmt::format("--plant=--truth={}/truth.jsonl", folder)};
   if (panel.rearm_after) arguments.insert(arguments.end(), {"--rearm-after", microseconds_text(*panel.rearm_after)});
-  for (const std::string& action : trouble.actions) arguments.insert(arguments.end(), {"--at", action});
+  for (const std::string& action : trouble.actions)
+    if (is_within(action, panel.duration + kBeyondTheEnd)) arguments.insert(arguments.end(), {"--at", action});
   for (const std::string& fault : trouble.policy_faults) arguments.push_back("--policy=--fault=" + fault);
   if (!trouble.policy_faults.empty()) arguments.push_back(fmt::format("--policy=--fault-seed={}", seed));
   if (!trouble.plant_scenario.empty()) arguments.push_back("--plant=--scenario=" + plant_file(folder));

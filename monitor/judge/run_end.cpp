@@ -17,6 +17,7 @@ namespace takt::monitor {
 namespace {
 
 constexpr const char* kExecutiveLog = "logs/takt-executive.log";
+constexpr std::int64_t kFarthest_ns = std::int64_t{1} << 61U;  // from any other instant: no difference overflows
 
 struct ToldTransition {
   Transition change;
@@ -35,7 +36,7 @@ std::optional<Transition> change_of(std::uint64_t tick, MonoTime at, std::string
   const auto left = enum_named<Mode, kModeCount>(from);
   const auto entered = enum_named<Mode, kModeCount>(to);
   const auto why = enum_named<Cause, kCauseCount>(cause);
-  if (!left || !entered || !why) return std::nullopt;
+  if (!left || !entered || !why || at < MonoTime{-kFarthest_ns} || at > MonoTime{kFarthest_ns}) return std::nullopt;
   return Transition{tick, at, *left, *entered, *why};
 }
 
@@ -46,9 +47,10 @@ std::optional<ToldTransition> told_by_line(const std::string& line) {
                                   json.at("from").get<std::string>(), json.at("to").get<std::string>(),
                                   json.at("cause").get<std::string>());
     if (change) return ToldTransition{*change, json.at("detail"), json.at("incident"), "transitions.jsonl"};
-  } catch (const nlohmann::json::exception&) {  // a line that was cut off
+    return std::nullopt;
+  } catch (const nlohmann::json::exception&) {
+    return std::nullopt;  // a line that was cut off
   }
-  return std::nullopt;
 }
 
 // "2026-11-21T09:33:00.123Z": ns since 1970, without the day's leap seconds; none: no such instant.
@@ -66,7 +68,8 @@ std::optional<std::int64_t> unix_ns_at(std::string_view text) {
   utc.tm_min = number(14, 2);
   utc.tm_sec = number(17, 2);
   const int milliseconds = number(20, 3);
-  if (milliseconds < 0 || utc.tm_mday < 1 || utc.tm_mon < 0) return std::nullopt;
+  const bool is_date = utc.tm_year >= 70 && utc.tm_year < 300 && utc.tm_mon >= 0 && utc.tm_mday >= 1;
+  if (milliseconds < 0 || !is_date) return std::nullopt;
   return (std::int64_t{timegm(&utc)} * 1000 + milliseconds) * 1'000'000;
 }
 
@@ -75,7 +78,9 @@ std::optional<ToldTransition> told_by_log(std::string_view line, std::int64_t mo
   constexpr std::string_view kArrow = " -> ", kTick = " (tick ";
   const std::size_t arrow = line.find(kArrow), tick = line.find(kTick);
   const auto unix_ns = unix_ns_at(line);
-  if (arrow == std::string_view::npos || tick == std::string_view::npos || tick < arrow || !unix_ns)
+  std::int64_t at_ns = 0;
+  if (arrow == std::string_view::npos || tick == std::string_view::npos || tick < arrow || !unix_ns ||
+      __builtin_sub_overflow(*unix_ns, monotonic_to_unix_ns, &at_ns))
     return std::nullopt;
   const std::size_t from = line.rfind(' ', arrow - 1) + 1;
   const std::size_t to_end = line.find(": ", arrow);
@@ -84,8 +89,8 @@ std::optional<ToldTransition> told_by_log(std::string_view line, std::int64_t mo
   const char* const digits = line.data() + tick + kTick.size();
   std::from_chars(digits, line.data() + line.size(), number);
   const std::size_t to = arrow + kArrow.size();
-  const auto change = change_of(number, MonoTime{*unix_ns - monotonic_to_unix_ns}, line.substr(from, arrow - from),
-                                line.substr(to, to_end - to), line.substr(to_end + 2, tick - to_end - 2));
+  const auto change = change_of(number, MonoTime{at_ns}, line.substr(from, arrow - from), line.substr(to, to_end - to),
+                                line.substr(to_end + 2, tick - to_end - 2));
   if (!change) return std::nullopt;
   ToldTransition told{*change, {}, {}, kExecutiveLog};
   for (const std::string_view begins : {"): stop", "): fault"})
@@ -150,21 +155,29 @@ std::string ends_because(const RunMetrics& metrics, const RecordedRun& run, cons
   const RunManifest& manifest = run.manifest;
   if (!manifest.stopped_because.empty()) return "recording stopped: " + manifest.stopped_because;
   if (!manifest.complete)
-    return "the recorder was ended before it closed the run" + in_brackets(script.end_of("takt-monitor"));
+    return "the recorder was ended before it closed the run" +
+           in_brackets(script.end_of("takt-monitor", manifest.started_at));
   if (!metrics.scan.file.finished) return "ticks.mcap is cut off";
   if (!moves(metrics.last_mode)) return {};
   if (manifest.ended_because == "executive ended")
     return fmt::format("the executive ended while the robot was in {}{}", name(metrics.last_mode),
-                       in_brackets(script.end_of("takt-executive")));
+                       in_brackets(script.end_of("takt-executive", manifest.started_at)));
   return manifest.ended_because == "monitor told to end"
              ? fmt::format("the recorder was told to end while the robot was in {}", name(metrics.last_mode))
              : std::string();
+}
+
+// In which the first tick found the robot.
+Mode first_mode(const RunMetrics& metrics) {
+  return metrics.transitions.empty() ? metrics.last_mode : metrics.transitions.front().from;
 }
 
 // What is missing before its last tick; empty: nothing.
 std::string holes(const RunMetrics& metrics, const RecordedRun& run) {
   std::string text;
   const auto add = [&text](const std::string& what) { text += (text.empty() ? "" : ", ") + what; };
+  if (metrics.first_tick > 1 && first_mode(metrics) != Mode::standby)
+    add(fmt::format("when it began, at tick {}, the robot was in {}", metrics.first_tick, name(first_mode(metrics))));
   if (const std::uint64_t missing = missing_ticks(run.manifest, metrics.ticks); missing != 0)
     add(fmt::format("{} of {} recorded ticks cannot be read", missing, run.manifest.ticks));
   if (metrics.missing_ticks != 0) add(fmt::format("{} ticks are missing in between", metrics.missing_ticks));

@@ -25,7 +25,7 @@ constexpr Duration kNotedLate = milliseconds(300);  // how long a death may wait
 constexpr Causes kPersons = set_of({Cause::operator_stop, Cause::operator_deenergise, Cause::shutdown});
 constexpr Causes kAnything = ~kPersons;
 constexpr Causes kCommands = set_of({Cause::command_lost, Cause::bad_commands, Cause::contract_violated,
-                                 Cause::degraded_spent, Cause::fallback_spent, Cause::enable_timeout, Cause::tilt});
+                                     Cause::degraded_spent, Cause::fallback_spent, Cause::enable_timeout, Cause::tilt});
 constexpr Causes kRecording = set_of({Cause::recording_lost});
 constexpr Causes kDrives = kAnything & ~kCommands & ~kRecording & ~set_of({Cause::overrun, Cause::internal_error});
 
@@ -140,14 +140,11 @@ ScriptFinding Script::of(Cause cause, MonoTime at) const {
   return finding;
 }
 
-std::string Script::end_of(std::string_view process) const {
-  std::string how;
-  for (const RunEvent& event : events_) {
-    if (event.process != process) continue;
-    if (event.event == "ended") how = fmt::format("{} {}", process, event.how);
-    if (event.event == "started") how.clear();
-  }
-  return how;
+std::string Script::end_of(std::string_view process, MonoTime since) const {
+  const auto end = std::ranges::find_if(events_, [&](const RunEvent& event) {
+    return event.event == "ended" && event.process == process && event.at >= since;
+  });
+  return end == events_.end() ? std::string() : fmt::format("{} {}", end->process, end->how);
 }
 
 ScriptFinding Script::explain(Incident& incident) const {

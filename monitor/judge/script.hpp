@@ -25,8 +25,8 @@ class Script {
 
   // Of a stop by `cause`, at that instant.
   [[nodiscard]] ScriptFinding of(Cause cause, MonoTime at) const;
-  // How the process ended that last did; empty: it did not.
-  [[nodiscard]] std::string end_of(std::string_view process) const;
+  // How the process ended first after `since`: "takt-monitor was killed by SIGKILL"; empty: it did not.
+  [[nodiscard]] std::string end_of(std::string_view process, MonoTime since) const;
   // Puts what was found into the sentence. A scripted stop is asked for.
   ScriptFinding explain(Incident& incident) const;
   void explain(FaultSummary& faults) const;

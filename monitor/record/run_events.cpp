@@ -1,5 +1,6 @@
 #include "monitor/record/run_events.hpp"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -10,6 +11,10 @@ namespace takt::monitor {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+// So that no sum of instants overflows, whatever a file says.
+constexpr MonoTime kLatest{std::int64_t{1} << 61U};
+constexpr Duration kLongest = seconds(1'000'000);
 
 std::optional<RunEvent> event_of(std::string_view line) {
   const Json json = Json::parse(line, nullptr, false);
@@ -30,7 +35,8 @@ std::optional<RunEvent> event_of(std::string_view line) {
                  .what = text("what"),
                  .how = text("how"),
                  .length = Duration{number("length_ns")}};
-  if (event.event.empty() || !event.at.is_set()) return std::nullopt;
+  if (event.event.empty() || event.at < MonoTime{1} || event.at > kLatest) return std::nullopt;
+  event.length = std::clamp(event.length, Duration{}, kLongest);
   return event;
 }
 

@@ -127,9 +127,11 @@ TEST_F(RecordGapTest, AKilledRecorderIsNamed) {
   ASSERT_TRUE(folder.write_manifest(run.manifest));
   fs::resize_file(folder.ticks(), fs::file_size(folder.ticks()) / 2);
   fs::remove(folder.seal());
-  std::ofstream(folder.path() + "/events.jsonl")
-      << R"({"event":"ended","monotonic_ns":9,"process":"takt-monitor","how":"was killed by SIGKILL"})"
-      << "\n";
+  std::ofstream events(folder.path() + "/events.jsonl");
+  for (const char* how : {"was killed by SIGKILL", "exited with 0"})  // the second was started in its place
+    events << R"({"event":"ended","process":"takt-monitor","monotonic_ns":)" << run.manifest.started_at.ns + 5
+           << R"(,"how":")" << how << "\"}\n";
+  events.close();
   const auto review = review_of(run);
   ASSERT_TRUE(review);
   expect_gap(run, *review, "the recorder was ended before it closed the run (takt-monitor was killed by SIGKILL)");
@@ -142,6 +144,16 @@ TEST_F(RecordGapTest, AHoleInBetweenMayHideAStop) {
   const auto review = review_of(run);
   ASSERT_TRUE(review);
   expect_gap(run, *review, "the record has holes: ");
+}
+
+// As a recorder that was restarted begins: in the middle.
+TEST_F(RecordGapTest, ARecordThatBeginsLateMayLackAStop) {
+  RecordedRun run = altered_copy(
+      run_, path("late"), [](TickRecord&) {}, [](RecordedCommand&) {}, [](std::uint64_t tick) { return tick > 3'900; });
+  run.manifest.ticks = 100;
+  const auto review = review_of(run);
+  ASSERT_TRUE(review);
+  expect_gap(run, *review, "the record has holes: when it began, at tick 3901, the robot was in damped_stop");
 }
 
 // An executive that was killed said nothing more: a robot that moved then did not come to rest on record.
