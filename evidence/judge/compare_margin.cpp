@@ -73,8 +73,9 @@ std::string any_look_text(const SuccessTable& success) {
 }
 
 std::string success_text(const SuccessTable& success) {
-  const std::string test =
-      success.seeds == success.pairs() ? "exact McNemar p" : fmt::format("exact p over {} seeds", success.seeds);
+  const std::string test = success.seeds == success.pairs()
+                               ? "exact McNemar p"
+                               : fmt::format("exact p over {} seed{}", success.seeds, success.seeds == 1 ? "" : "s");
   return fmt::format("A {} of {}, B {} of {}; only A {}, only B {}, {} = {:.4g}", success.both + success.only_a,
                      success.pairs(), success.both + success.only_b, success.pairs(), success.only_a, success.only_b,
                      test, success.p_value);

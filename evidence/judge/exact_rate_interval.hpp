@@ -8,8 +8,9 @@
 //
 // Where seeds have several pairs, those are no independent ones. The interval is then that of as many independent pairs
 // as have the variance that is seen between seeds, less what few seeds say of it, and no fewer than there are seeds;
-// without a discordant pair as many as seeds. Source: Korn & Graubard 1998, Confidence intervals for proportions with
-// small expected number of positive counts estimated from survey data.
+// without a discordant pair as many as seeds. Measured coverage of 10 and 20 seeds with six conditions that share an
+// effect: 96 % and 94.5 % or more (ExactRate.CoversWhereSeedsShareAnEffect with 2000 panels). Source: Korn & Graubard
+// 1998, Confidence intervals for proportions with small expected number of positive counts estimated from survey data.
 #pragma once
 
 #include <cstdint>
