@@ -91,8 +91,8 @@ enum class MarginVerdict : std::uint8_t {
 MarginVerdict margin_verdict(const Comparison& comparison, double margin);
 std::string_view name(MarginVerdict verdict);
 // Pairs after which the interval lies above -margin with a probability of 90 %, if both methods succeed equally often
-// and as many pairs differ as seen. Sources: Connor 1987, Sample size for testing differences in proportions for the
-// paired-sample design; where none differ, the score interval's end.
+// and as many pairs differ as seen. Simulated, the probability is 90 to 91 %. Source: Nam 1997, Establishing
+// equivalence of two treatments and sample size requirements in matched-pairs design.
 std::uint64_t pairs_to_decide(const Comparison& comparison, double margin);
 
 // Sentences that text and HTML share.

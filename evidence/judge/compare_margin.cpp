@@ -42,7 +42,12 @@ std::uint64_t pairs_to_decide(const Comparison& comparison, double margin) {
   const SuccessTable& success = comparison.pooled.success;
   const auto pairs = static_cast<double>(success.pairs());
   const double discordant = static_cast<double>(success.only_a + success.only_b) / pairs;
-  const double needed = std::max(kEnd * kEnd / margin, std::pow((kEnd + kPower) / margin, 2) * discordant);
+  // A pair's variance if B is worse by the margin, with the rate of "only A" that then fits best.
+  const double slope = 2 * margin + discordant;
+  const double only_a = (std::sqrt(slope * slope - 4 * discordant * margin * (1 + margin)) + slope) / 4;
+  const double at_margin = 2 * only_a - margin * (1 + margin);
+  const double ends = kEnd * std::sqrt(at_margin) + kPower * std::sqrt(discordant);
+  const double needed = std::max(kEnd * kEnd / margin, std::pow(ends / margin, 2));
   return static_cast<std::uint64_t>(std::ceil(needed * pairs / success.effective_pairs));
 }
 
