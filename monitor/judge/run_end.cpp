@@ -6,6 +6,7 @@
 #include <charconv>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <sstream>
 #include <string_view>
 #include <vector>
@@ -17,6 +18,7 @@ namespace takt::monitor {
 namespace {
 
 constexpr const char* kExecutiveLog = "logs/takt-executive.log";
+constexpr std::size_t kMostTold = 10'000;                      // transitions, whatever the files hold
 constexpr std::int64_t kFarthest_ns = std::int64_t{1} << 61U;  // from any other instant: no difference overflows
 
 struct ToldTransition {
@@ -102,10 +104,9 @@ std::optional<ToldTransition> told_by_log(std::string_view line, std::int64_t mo
 // In order of ticks; of what two tell, the first.
 std::vector<ToldTransition> told_elsewhere(const RecordedRun& run) {
   std::vector<ToldTransition> all;
-  const auto take = [&all](std::optional<ToldTransition> told) {
-    if (told &&
-        std::ranges::find(all, told->change.tick, [](const auto& each) { return each.change.tick; }) == all.end())
-      all.push_back(std::move(*told));
+  std::set<std::uint64_t> ticks;
+  const auto take = [&](std::optional<ToldTransition> told) {
+    if (told && all.size() < kMostTold && ticks.insert(told->change.tick).second) all.push_back(std::move(*told));
   };
   const auto lines_of = [](const std::string& path, const auto& use) {
     const auto text = read_file(path);

@@ -47,7 +47,7 @@ std::vector<RunEvent> read_run_events(const RunFolder& folder) {
   const auto text = read_file(folder.path() + "/" + std::string(kEventsFile));
   if (!text) return events;
   const std::uint64_t sealed = sealed_event_bytes(folder).value_or(text->size());
-  for (std::size_t begin = 0; begin < text->size();) {
+  for (std::size_t begin = 0; begin < text->size() && events.size() < kMostRunEvents;) {
     const std::size_t end = std::min(text->find('\n', begin), text->size());
     if (auto event = event_of(std::string_view(*text).substr(begin, end - begin))) {
       event->is_sealed = end <= sealed;

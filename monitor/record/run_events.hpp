@@ -2,6 +2,7 @@
 // run` while it does it (docs/run-folder.md). A run that something else supervises has none.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,6 +13,9 @@
 namespace takt::monitor {
 
 inline constexpr std::string_view kEventsFile = "events.jsonl";
+
+// More than any script has. A reader takes no more, whatever a file holds: each stop is held against each of them.
+inline constexpr std::size_t kMostRunEvents = 1000;
 
 struct RunEvent {
   std::string event;  // run, scenario, started, tracking, script, fault, missed, ended, ending
@@ -25,8 +29,8 @@ struct RunEvent {
   bool is_sealed = false;
 };
 
-// In file order. What is no such line is passed over. Of a run without a closed seal every line counts as sealed:
-// nothing can tell which of them was added later.
+// In file order, the first kMostRunEvents. What is no such line is passed over. Of a run without a closed seal every
+// line counts as sealed: nothing can tell which of them was added later.
 std::vector<RunEvent> read_run_events(const RunFolder& folder);
 
 }  // namespace takt::monitor

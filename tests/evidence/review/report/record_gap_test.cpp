@@ -9,6 +9,7 @@
 
 #include "evidence/review/report/report_text.hpp"
 #include "evidence/review/run_review.hpp"
+#include "monitor/record/run_events.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
 
@@ -84,6 +85,28 @@ TEST_F(RecordGapTest, TicksCutAnywhereDenyNothingAndTheStopIsTold) {
     EXPECT_EQ(origin != review->metrics.stop_origins.end() && origin->second.told_by == "transitions.jsonl", is_beyond);
     fs::remove_all(folder.path());
   }
+}
+
+// What lies beside a cut record is a stranger's: a reader takes so much of it and no more.
+TEST_F(RecordGapTest, TransitionsAndEventsInMassesAreBounded) {
+  const RunFolder cut = copy();
+  fs::resize_file(cut.ticks(), fs::file_size(cut.ticks()) / 2);
+  std::ofstream transitions(cut.transitions()), events(cut.path() + "/events.jsonl");
+  for (int i = 0; i < 20'000; ++i) {
+    transitions << R"({"tick":)" << 100'000 + i << R"(,"monotonic_ns":)" << 100'000 + i
+                << R"(,"from":"tracking","to":"degraded","cause":"contract_violated","detail":"","incident":""})"
+                << '\n';
+    events << R"({"event":"fault","monotonic_ns":)" << 1 + i << R"(,"what":"elbow: silent"})" << '\n';
+  }
+  transitions.close();
+  events.close();
+  EXPECT_EQ(read_run_events(cut).size(), kMostRunEvents);
+  const auto run = open_run(cut.path());
+  ASSERT_TRUE(run) << run.error();
+  const auto review = review_of(*run);
+  ASSERT_TRUE(review) << review.error();
+  EXPECT_GT(review->metrics.transitions.size(), 9'000U);
+  EXPECT_LT(review->metrics.transitions.size(), 11'000U);
 }
 
 // Nothing reached transitions.jsonl either: the executive's log knows.
