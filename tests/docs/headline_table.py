@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Goal: the table of the headline panel in docs/panels.md is what today's program gives. Method: rows of the table,
-drawn by its own bytes, are run again, all seeds and methods of each. Successes may differ by 2 of a cell, since the last
-bit of a sine is the processor's. With --write the whole panel is run and the table written.
+drawn by its own bytes, are run again, all seeds and methods of each. On another kind of processor the last bit of a
+sine differs, and a pole that falls late may stand: a cell may differ by what chance does to 50 rollouts. With --write
+the whole panel is run and the table written.
 Usage: headline_table.py REPOSITORY TAKT [--write]. Exit codes: 0 fine, 1 not.
 """
 import collections
@@ -59,9 +60,9 @@ def table_of(rows):
 def differences(told, key, cells):
     numbers = [float(cell) for cell in told[3:]]
     for (method, good, _, violated), told_good, told_violated in zip(cells, numbers[:3], numbers[3:]):
-        if abs(good - told_good) > 2:
+        if abs(good - told_good) > 7:
             yield f"{key}, {method}: {good} succeed, the page says {told_good:g}"
-        if abs(violated - told_violated) > 1 + 0.1 * told_violated:
+        if abs(violated - told_violated) > 5 + 0.3 * told_violated:
             yield f"{key}, {method}: {violated:.1f} ticks in violation, the page says {told_violated:g}"
 
 
