@@ -108,7 +108,12 @@ int run(const MarginOptions& options) {
   if (!options.svg.empty() && std::ranges::none_of(*joints, &margin::JointMargins::has_loop))
     return fail("takt margin", robot.file + ": no joint has a loop to draw; leave out --svg");
   auto task = measure_task(options, robot);
-  if (!task) return fail("takt margin", task.error());
+  if (!task) {
+    // What was measured of the joints holds whatever the task does.
+    const bool is_told = !options.json && !joints->empty();
+    if (is_told) fmt::print("{}", margin::margin_text({robot, std::move(*joints), std::nullopt, not_measured}));
+    return fail("takt margin", task.error());
+  }
   const margin::MarginReport report{robot, std::move(*joints), std::move(*task), not_measured};
   if (!options.svg.empty()) {
     if (auto written = monitor::replace_file(options.svg, margin::bode_svg(report.joints)); !written)

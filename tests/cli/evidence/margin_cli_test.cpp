@@ -48,6 +48,14 @@ TEST_F(MarginCli, ARobotThatFallsHasNoLoopToShow) {
   }
 }
 
+// What is known of the joints is told, also where the task says nothing: here its bound is out of reach.
+TEST_F(MarginCli, ATaskThatFailsHidesNoJoint) {
+  const test::Ended ended = shell(TAKT_BIN_DIR "/takt margin config/arm6.yaml --bound 0.001mm");
+  EXPECT_EQ(ended.exit_code, 1) << ended.output;
+  EXPECT_NE(ended.output.find("shoulder"), std::string::npos) << ended.output;
+  EXPECT_NE(ended.output.find("the task fails without any added delay"), std::string::npos) << ended.output;
+}
+
 TEST_F(MarginCli, BadInputEndsWithOneLine) {
   EXPECT_EQ(takt("margin").exit_code, 64);
   EXPECT_EQ(takt("margin config/arm6.yaml --seeds 10").exit_code, 64) << "too few to show anything";
