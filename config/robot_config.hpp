@@ -118,13 +118,17 @@ struct DegradedConfig {
   bool by_temperature = false;  // a drive beyond its warning degrades the robot
 };
 
+enum class Following : std::uint8_t { warn, degrade, stop };
+
 struct FeedbackConfig {
   Duration timeout;
   Duration enable_timeout;
-  double rest_velocity = 0;  // rad/s
-  double jump = 0;           // rad; 0: not looked for
-  double contradiction = 0;  // rad; 0: not looked for
-  Duration frozen_after;     // 0: not looked for
+  double rest_velocity = 0;               // rad/s
+  double jump = 0;                        // rad; 0: not looked for
+  double contradiction = 0;               // rad; 0: not looked for
+  Duration frozen_after;                  // 0: not looked for
+  Duration following_timeout;             // 0: not looked for
+  Following following = Following::warn;  // what a joint does that is beyond limits.following_error for that long
 };
 
 // Shares (0, 1] of the ticks in about the last window; 1 switches the fault off.
@@ -190,6 +194,7 @@ struct TemperatureLimits {
 struct Limits {
   double q_min = 0, q_max = 0, position_margin = 0, target_margin = 0, velocity = 0, velocity_hard = 0,
          acceleration = 0, torque = 0, torque_rate = 0, kp = 0, kd = 0;
+  double following_error = 0;  // rad between a joint and its reference; 0: by torque and stiffness
   std::optional<TemperatureLimits> temperature{};
 };
 

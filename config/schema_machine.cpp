@@ -80,6 +80,11 @@ void describe_limits(Fields& fields, Limits& limits, bool passive) {
                   limits.target_margin, Dimension::angle, between(0, 1000));
   fields.quantity({"acceleration", "of the reference, also its braking deceleration"}, limits.acceleration,
                   Dimension::angular_acceleration, above(0, 1e5));
+  fields.quantity({"following_error",
+                   "a joint further from its reference than this for feedback.following_timeout is behind "
+                   "(feedback.following); 0 rad: where its stiffness asks for 90 % of limits.torque",
+                   "0 rad"},
+                  limits.following_error, Dimension::angle, between(0, 1000));
   fields.quantity({"torque", "commanded torque never exceeds it"}, limits.torque, Dimension::torque, above(0, 1e5));
   fields.quantity({"torque_rate", "commanded torque never changes faster"}, limits.torque_rate, Dimension::torque_rate,
                   above(0, 1e8));

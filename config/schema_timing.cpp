@@ -6,6 +6,7 @@
 namespace takt::config {
 namespace {
 
+constexpr std::array<std::string_view, 3> kFollowing{"warn", "degrade", "stop"};
 constexpr std::array<std::string_view, 2> kWakeModes{"sleep", "hybrid"};
 
 void describe_control(Fields& fields, Control& control) {
@@ -75,6 +76,15 @@ void describe_feedback(Fields& fields, FeedbackConfig& feedback) {
                    "joint moves; 0 ms: not looked for",
                    "20 ms"},
                   feedback.frozen_after, {}, seconds(10));
+  fields.duration(
+      {"following_timeout",
+       "a joint beyond limits.following_error for this long is behind its reference; 0 ms: not looked for", "500 ms"},
+      feedback.following_timeout, {}, seconds(60));
+  fields.choice({"following",
+                 "what a joint behind its reference does: warn: it is told; degrade: the robot is degraded until the "
+                 "joint follows again; stop: a damped stop (following_lost)",
+                 "warn"},
+                feedback.following, kFollowing);
 }
 
 void describe_bus_faults(Fields& fields, BusFaults& faults) {

@@ -30,7 +30,8 @@ inline constexpr std::array kStopCauses{Cause::operator_stop,
                                         Cause::imu_lost,
                                         Cause::fallback_spent,
                                         Cause::overtemperature,
-                                        Cause::degraded_spent};
+                                        Cause::degraded_spent,
+                                        Cause::following_lost};
 
 // Those of them that may leave the robot to its fallback policy: what makes them hurts neither drives nor feedback, nor
 // what that policy sees, and none of them is worse than a person's stop.

@@ -11,6 +11,7 @@ namespace {
 constexpr double kFullTorqueError = 2;              // rad/s
 constexpr double kPosition = 8, kIntegral = 8;      // 1/s
 constexpr std::uint8_t kCommunicationError = 0x11;  // bits of object 1001
+constexpr std::uint8_t kMotionError = 0x21;         // likewise
 
 std::uint32_t little_endian(const std::uint8_t* data, unsigned bytes) {
   std::uint32_t value = 0;
@@ -263,6 +264,7 @@ double Cia402Device::update(MotorReading reading, MonoTime now, Duration step, F
   power_.settle();
   watch_commands(now);
   watch_heartbeat(now);
+  watch_following(now);
   say_emergencies(out);
   say_heartbeat(now, out);
   const double wanted = wanted_torque(step), most = most_torque();
@@ -280,6 +282,19 @@ void Cia402Device::watch_commands(MonoTime now) {
   const Duration deadline = milliseconds(objects_.has(0x1400, 5) ? objects_.value(0x1400, 5) : 0);
   if (!power_.enabled() || !commanded_at_ || deadline.ns == 0) return;
   if (now - *commanded_at_ > deadline) trip(0x8250, kCommunicationError, true);
+}
+
+// Object 6065: how far from its target a drive in position mode may be, in counts, and 6066 for how long, in ms.
+void Cia402Device::watch_following(MonoTime now) {
+  constexpr std::uint32_t kPositionMode = 8, kUnwatched = 0xFFFF'FFFF;
+  const std::uint32_t window = objects_.has(0x6065) ? objects_.value(0x6065) : kUnwatched;
+  const double rad_per_count = 2 * std::numbers::pi / drive_.counts_per_turn;
+  const double target = static_cast<std::int32_t>(objects_.value(0x607A)) * rad_per_count;
+  const bool follows = !power_.enabled() || objects_.value(0x6061) != kPositionMode || window == kUnwatched ||
+                       std::abs(target - reading_.position) <= window * rad_per_count;
+  if (follows) return behind_since_.reset();
+  if (!behind_since_) behind_since_ = now;
+  if (now - *behind_since_ >= milliseconds(objects_.value(0x6066))) trip(0x8611, kMotionError, false);
 }
 
 void Cia402Device::say_emergencies(Frames& out) {

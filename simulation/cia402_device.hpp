@@ -12,7 +12,8 @@
 // operational with operation enabled (EMCY 8100). A fault reset clears lost ones and errors alike. Besides, where
 // 1016:01 names a node: its heartbeat, from the first one on; out of time is EMCY 8130 and lost as well, unless 6007 is
 // 0. `watchdog` is what the drive has stored in 1400:05 before the host writes its own. Max torque (6072) holds the
-// torque down, and shows in statusword bit 11. What drives differ in: cia402_profile.hpp.
+// torque down, and shows in statusword bit 11. In position mode a motor further from its target than 6065, for 6066,
+// faults (8611). What drives differ in: cia402_profile.hpp.
 #pragma once
 
 #include <optional>
@@ -54,6 +55,7 @@ class Cia402Device final : public Device {
   void watch_commands(MonoTime now);
   void hear_heartbeat(const drivers::CanFrame& frame, MonoTime now);
   void watch_heartbeat(MonoTime now);
+  void watch_following(MonoTime now);
   void show_mode();
   [[nodiscard]] double most_torque() const;
   void refresh_objects();
@@ -71,6 +73,7 @@ class Cia402Device final : public Device {
   std::optional<drivers::CanFrame> pending_rpdo_;
   std::optional<MonoTime> commanded_at_;   // since NMT start
   std::optional<MonoTime> host_heard_at_;  // its heartbeat
+  std::optional<MonoTime> behind_since_;   // further from its target than 6065
   bool limited_ = false;                   // by 6072
   MonoTime booted_at_, heartbeat_at_;
   Frames emergencies_;  // not sent yet

@@ -112,6 +112,10 @@ Cia402Objects::Cia402Objects(const config::Drive& drive, std::uint16_t deadline_
   add(0x6064, 0, 4, Use::from_drive);
   add(0x606C, 0, 4, Use::from_drive);
   add(0x6071, 0, 2, Use::to_drive);
+  if (profile.has_following_window) {
+    add(0x6065, 0, 4, Use::setting, 0xFFFF'FFFF);
+    add(0x6066, 0, 2, Use::setting);
+  }
   if (profile.has_max_torque) add(0x6072, 0, 2, Use::setting, 3000);
   add(0x6076, 0, 4, Use::constant, static_cast<std::uint32_t>(std::llround(drive.rated_torque * 1000)));
   add(0x6077, 0, 2, Use::from_drive);

@@ -11,12 +11,13 @@
 namespace takt::plant {
 
 struct Cia402Profile {
-  bool has_deadline = true;         // sub-index 5 of 1400
-  bool has_heartbeat_watch = true;  // 1016 and 6007
-  bool has_second_pdos = true;      // 1401, 1801
-  bool has_max_torque = true;       // 6072
-  bool shows_mode = true;           // 6061 goes with 6060
-  bool follows = true;              // bit 12 while enabled
+  bool has_deadline = true;          // sub-index 5 of 1400
+  bool has_heartbeat_watch = true;   // 1016 and 6007
+  bool has_second_pdos = true;       // 1401, 1801
+  bool has_max_torque = true;        // 6072
+  bool has_following_window = true;  // 6065 and 6066
+  bool shows_mode = true;            // 6061 goes with 6060
+  bool follows = true;               // bit 12 while enabled
   // RPDO1 and TPDO1 cannot be mapped anew: as a host of Cia402Mode would have them, or with the control- and statusword
   // alone.
   enum class Map : std::uint8_t { free, fixed, fixed_words_only };

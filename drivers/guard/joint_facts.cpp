@@ -89,6 +89,18 @@ void set_limits(const config::Joint& joint, Duration period, JointFacts& facts) 
   facts.kd = narrow(limits.kd);
 }
 
+// A drive with a position loop of its own watches it where the robot file stops the robot for a joint that is behind.
+void set_following(const config::RobotConfig& robot, const config::Joint& joint, JointFacts& facts) {
+  const config::FeedbackConfig& feedback = robot.feedback;
+  if (facts.law != Law::position || feedback.following != config::Following::stop || feedback.following_timeout.ns <= 0)
+    return;
+  const double given = joint.limits.following_error;
+  const double of_joint = given > 0 ? given : joint.kp > 0 ? 0.9 * joint.limits.torque / joint.kp : 0;
+  facts.following_window = of_joint * std::abs(facts.ratio);
+  facts.following_timeout_ms =
+      static_cast<std::uint32_t>(std::min(2 * feedback.following_timeout.ns / 1'000'000, std::int64_t{65'535}));
+}
+
 // The largest power of ten, down to whole microseconds, of which the period is 1 to 255.
 void set_interpolation(Duration period, JointFacts& facts) {
   std::int64_t unit = 1'000'000'000;
@@ -148,6 +160,7 @@ JointFacts facts_of(const config::RobotConfig& robot, std::size_t index) {
   set_drive(joint.drive, facts);
   set_limits(joint, config::turn_of(robot, joint), facts);
   set_interpolation(robot.control.period, facts);
+  set_following(robot, joint, facts);
   // docs/drives.md: a moteus stops by itself after the rest of the command's life, but no sooner than this.
   facts.shortest_watchdog = std::clamp(robot.feedback.timeout, milliseconds(20), milliseconds(100));
   facts.rounding = wire_rounding(facts);

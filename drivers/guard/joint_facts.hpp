@@ -42,6 +42,8 @@ struct JointFacts {
   float servo_kp = 0, servo_kd = 0;
   float torque_range = 0, torque_per_mille = 0;
   double rad_per_count = 0, rad_s_per_count = 0;
+  double following_window = 0;  // rad of the motor that a drive may be told to be off its target; 0: none may be told
+  std::uint32_t following_timeout_ms = 0;
   Duration shortest_watchdog;
   // Object 60C2: value * 10^exponent seconds, as its bytes; 0: the period has no such form.
   std::uint8_t interpolation_value = 0, interpolation_exponent = 0;

@@ -70,7 +70,17 @@ float most_torque(const JointFacts& facts) noexcept {
 }
 
 // What a row's value depends on.
-enum class Of : std::uint8_t { fixed, node, mode, target_map, period, period_exponent, largest_torque };
+enum class Of : std::uint8_t {
+  fixed,
+  node,
+  mode,
+  target_map,
+  period,
+  period_exponent,
+  largest_torque,
+  following_window,
+  following_timeout
+};
 
 // One object that set-up writes: where it is, how many bytes it has, and the only value that it may get; `of` other
 // than fixed adds what the joint says, or is it.
@@ -114,6 +124,8 @@ constexpr Setting kSettings[] = {
     {0x60C2, 1, 1, 0, Of::period},
     {0x60C2, 2, 1, 0, Of::period_exponent},
     {0x6072, 0, 2, 0, Of::largest_torque},
+    {0x6065, 0, 4, 0, Of::following_window},
+    {0x6066, 0, 2, 0, Of::following_timeout},
 };
 
 bool may_be(const Setting& row, const JointFacts& facts, std::uint32_t value) noexcept {
@@ -132,6 +144,10 @@ bool may_be(const Setting& row, const JointFacts& facts, std::uint32_t value) no
       return facts.interpolation_value != 0 && value == facts.interpolation_exponent;
     case Of::largest_torque:  // no more than it; 0 is none
       return value > 0 && static_cast<float>(value) * facts.torque_per_mille <= most_torque(facts) * 1.0001F;
+    case Of::following_window:  // no drive is let run further from its target than the robot file allows
+      return value > 0 && value * facts.rad_per_count <= facts.following_window * 1.0001 + facts.rad_per_count;
+    case Of::following_timeout:
+      return value > 0 && facts.following_window > 0 && value <= facts.following_timeout_ms;
   }
   return false;
 }

@@ -93,6 +93,16 @@ std::string implausible(const JointRecord& joint, const config::Joint& /*known*/
   return {};
 }
 
+// How far a joint was from its reference for longer than it may be.
+std::string behind(const JointRecord& joint, const config::Joint& known, Duration timeout) {
+  if (joint.behind == 0) return {};
+  const double limit = known.limits.following_error;
+  const std::string allowed = limit > 0 ? "limits.following_error (" + digits(limit, 3) + " rad)"
+                                        : "90 % of limits.torque (" + digits(known.limits.torque, 1) + " Nm) allows";
+  return digits(std::abs(joint.q_reference - joint.q_estimate), 3) + " rad from its reference, more than " + allowed +
+         ", for " + digits(timeout.milliseconds(), 0) + " ms: held, blocked, or too weak";
+}
+
 // "12 frames foreign since start"; nothing when there were none.
 std::string counted(std::uint32_t frames, const std::string& what) {
   return frames == 0 ? "" : std::to_string(frames) + " frames " + what + " since start";
@@ -163,6 +173,11 @@ CauseFindings cause_findings(Cause cause, const TickRecord& record, const config
       return joints_where(record, robot, [](const JointRecord& joint, const config::Joint& known) {
         const config::TemperatureLimits limits = known.limits.temperature.value_or(config::TemperatureLimits{});
         return hot(joint.feedback, limits.stop, limits.casing_stop, "stop");
+      });
+    case Cause::following_error:
+    case Cause::following_lost:
+      return joints_where(record, robot, [&](const JointRecord& joint, const config::Joint& known) {
+        return behind(joint, known, robot.feedback.following_timeout);
       });
     case Cause::none:
     case Cause::operator_arm:

@@ -38,6 +38,8 @@ std::string_view name(CardItem item) {
       return "torque_range";
     case CardItem::velocity_unit:
       return "velocity_unit";
+    case CardItem::following_window:
+      return "following_window";
     case CardItem::watchdog:
       return "watchdog";
     case CardItem::home:

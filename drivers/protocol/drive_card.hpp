@@ -29,6 +29,7 @@ enum class CardItem : std::uint8_t {
   velocity_range,
   torque_range,
   velocity_unit,
+  following_window,
   watchdog,
   home
 };

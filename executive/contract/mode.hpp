@@ -59,8 +59,10 @@ enum class Cause : std::uint8_t {
   degraded_spent,       // degraded for as long as the robot may be
   // What a drive tells of its joint's motion cannot be true.
   feedback_implausible,
+  following_error,  // a joint is too far from its reference for too long: told, or degraded by configuration
+  following_lost,   // the same, where the robot file stops the robot for it
 };
-inline constexpr std::size_t kCauseCount = 37;
+inline constexpr std::size_t kCauseCount = 39;
 
 constexpr std::string_view name(Mode mode) {
   constexpr std::array<std::string_view, kModeCount> names{"standby",  "arming",      "tracking",
@@ -106,7 +108,9 @@ constexpr std::string_view name(Cause cause) {
                                                             "temperature_high",
                                                             "overtemperature",
                                                             "degraded_spent",
-                                                            "feedback_implausible"};
+                                                            "feedback_implausible",
+                                                            "following_error",
+                                                            "following_lost"};
   const auto index = static_cast<std::size_t>(cause);
   return index < names.size() ? names[index] : "invalid";
 }

@@ -289,7 +289,8 @@ struct JointRecord {
   InterventionMask interventions = 0;
   ReplyFaultMask reply_faults = 0;
   std::uint8_t drive_enabled = 0;  // 1 when this drive is told to be enabled; 0: to de-energise
-  std::uint8_t reserved[7] = {};
+  std::uint8_t behind = 0;         // 1: too far from its reference for feedback.following_timeout
+  std::uint8_t reserved[6] = {};
 };
 template <std::same_as<JointRecord> Of>
 constexpr auto fields_of(Shared<Of>) {
@@ -309,6 +310,7 @@ constexpr auto fields_of(Shared<Of>) {
       TAKT_FIELD_OF(Intervention, interventions),
       TAKT_FIELD_OF(ReplyFault, reply_faults),
       TAKT_FIELD(drive_enabled),
+      TAKT_FIELD(behind),
       TAKT_FIELD(reserved),
   };
 }

@@ -378,6 +378,26 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      "a jump within feedback.jump is followed; an encoder that stands still with its velocity, on a drive that closes "
      "its own loop, looks like a joint that is held; a scale that is wrong by less than a quarter is not found",
      {Device::brakes, Device::emergency_stop, Device::gantry}},
+    {Cause::following_error,
+     {Hazard::beyond, Hazard::falls},
+     {Unsafe::T2},
+     "a joint is held by a person or an obstacle, carries more than it can lift, or its drive is weaker than the robot "
+     "file says",
+     "measured position against the reference, beyond limits.following_error for feedback.following_timeout",
+     {"pipeline_test Following.AJointThatIsHeldIsTold", "pipeline_test Following.DegradesUntilTheJointFollows"},
+     "a robot that is only told goes on to push with up to limits.torque; what yields is not told from what follows",
+     {Device::emergency_stop, Device::fence},
+     "a joint that is held is behind no more"},
+    {Cause::following_lost,
+     {Hazard::beyond, Hazard::falls},
+     {Unsafe::T2, Unsafe::S2},
+     "as following_error, and the robot file stops the robot for it",
+     "as following_error, with feedback.following: stop",
+     {"pipeline_test Following.StopsAndLetsGo", "incident_test FollowingIncident.NamesTheJointAndTheDistance"},
+     "it pushes with up to limits.torque until feedback.following_timeout is over; a robot that leans on what it "
+     "touches is stopped there",
+     {Device::emergency_stop, Device::gantry},
+     "a following error that is to stop the robot is only told"},
 }};
 
 namespace hazards_detail {

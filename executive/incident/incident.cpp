@@ -342,6 +342,8 @@ std::string IncidentWatch::words(const TickRecord& record) const {
     case Cause::envelope_exceeded:
     case Cause::temperature_high:
     case Cause::overtemperature:
+    case Cause::following_error:
+    case Cause::following_lost:
       return {};
   }
   return {};

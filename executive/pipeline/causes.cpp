@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "executive/pipeline/bus_watch.hpp"
+#include "executive/pipeline/following.hpp"
 #include "executive/pipeline/imu_watch.hpp"
 #include "executive/pipeline/joint_watch.hpp"
 
@@ -141,8 +142,10 @@ bool is_degraded_spent(const ModeState& mode, MonoTime now, const TickConfig& co
 }
 
 // What keeps the robot degraded, however fresh its commands are.
-bool stays_degraded(CauseMask temperatures, const TickConfig& config) {
-  return config.temperature_degrades && (temperatures & bit(Cause::temperature_high)) != 0;
+bool stays_degraded(CauseMask active, const TickConfig& config) {
+  const CauseMask degrades = (config.temperature_degrades ? bit(Cause::temperature_high) : 0) |
+                             (config.following.then == FollowingReaction::degrade ? bit(Cause::following_error) : 0);
+  return (active & degrades) != 0;
 }
 
 CauseMask of_commands(const TickState& state, MonoTime now, const TickConfig& config) {
@@ -186,10 +189,11 @@ bool is_unrecorded(const TickRecordHeader& header, const TickConfig& config) {
 CauseMask conditions(const TickState& state, const TickRecord& record, const TickConfig& config) {
   const bool late = static_cast<double>(state.late.count()) > config.late_share * config.freshness.window_ticks;
   const CauseMask temperatures = of_temperatures(record, state.mode.mode, config);
-  const CauseMask withheld = stays_degraded(temperatures, config) ? bit(Cause::contract_restored) : 0;
+  const CauseMask following = following_conditions(record, config);
+  const CauseMask withheld = stays_degraded(temperatures | following, config) ? bit(Cause::contract_restored) : 0;
   const CauseMask commands = of_commands(state, record.header.now, config) & ~withheld;
   return of_buses(record, config) | link_faults(state.links, record, config) | of_drives(state, record, config) |
-         commands | temperatures | of_guard(record) | when(late, Cause::overrun) |
+         commands | temperatures | following | of_guard(record) | when(late, Cause::overrun) |
          when(is_unrecorded(record.header, config), Cause::recording_lost) |
          when(is_torque_output_lost(record.header, config), Cause::torque_output_lost) |
          imu_conditions(state.imu, record.header.now, config.imu);

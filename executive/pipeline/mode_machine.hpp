@@ -149,6 +149,11 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
     // Nobody knows where such a joint is: as if it were silent.
     {Cause::feedback_implausible, 82,  {S, F, F, F, F, F}, kLoss, "feedback.frozen_after or three replies, one tick",
       "every joint's feedback was plausible for 0.5 s; mode: operator reset"},
+    // A warning, unless the robot file wants the robot degraded by it.
+    {Cause::following_error,      29,  {S, A, D, D, P, F}, kNo,   "",
+      "every joint is within limits.following_error of its reference; mode: contract_restored"},
+    {Cause::following_lost,       48,  {S, A, P, P, P, F}, kRest, "feedback.following_timeout, one tick",
+      "every joint is within limits.following_error of its reference; mode: operator reset"},
   }};
 }();
 // clang-format on
@@ -277,7 +282,7 @@ constexpr bool scopes_are_nested() {
   return true;
 }
 // A cause may be made a warning only where it stops nothing.
-inline constexpr CauseMask kMayWarn = bit(Cause::temperature_high);
+inline constexpr CauseMask kMayWarn = bit(Cause::temperature_high) | bit(Cause::following_error);
 constexpr bool warnings_stop_nothing() {
   for (const Reaction& row : kReactions)
     if ((kMayWarn & bit(row.cause)) != 0 && row.stops.robot != Stop::none) return false;

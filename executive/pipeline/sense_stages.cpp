@@ -8,6 +8,7 @@
 #include "executive/pipeline/candidate.hpp"
 #include "executive/pipeline/causes.hpp"
 #include "executive/pipeline/choose.hpp"
+#include "executive/pipeline/following.hpp"
 #include "executive/pipeline/freshness.hpp"
 #include "executive/pipeline/gravity_model.hpp"
 #include "executive/pipeline/messages.hpp"
@@ -143,6 +144,7 @@ void forget_what_was_before_sleep(TickState& state, MonoTime now, const TickConf
     state.joints[j].observer = {};
     forget_replies(state.feedback[j]);
     state.joints[j].tau_last = state.joints[j].tau_damping = 0.0F;
+    state.joints[j].behind_since = {};
   }
 }
 
@@ -217,13 +219,18 @@ void follow_stop(TickState& state, const TickRecordHeader& header, const TickCon
   if (!goes_on) mode.stopped_since = header.now;
 }
 
+// What the robot file wants told and nothing more.
+CauseMask warnings(const TickConfig& config) {
+  return (config.temperature_degrades ? 0 : bit(Cause::temperature_high)) |
+         (config.following.then == FollowingReaction::warn ? bit(Cause::following_error) : 0);
+}
+
 // Fills causes_active.
 Transition decide_now(const TickState& state, const TickConfig& config, TickRecord& record) {
   TickRecordHeader& header = record.header;
   header.causes_active = conditions(state, record, config);
   header.causes_active |= granted_request(state, record, header.causes_active, config);
-  const CauseMask warnings = config.temperature_degrades ? 0 : bit(Cause::temperature_high);
-  return decide(state.mode.mode, header.causes_active, warnings);
+  return decide(state.mode.mode, header.causes_active, warnings(config));
 }
 
 void remember_press(ModeState& mode, const TickRecordHeader& header) {
@@ -302,6 +309,7 @@ void estimate(TickState& state, const TickConfig& config, TickRecord& record) {
     record.joints[j].q_estimate = now.q;
     record.joints[j].dq_estimate = now.dq;
   }
+  watch_following(state, config, record);
   if (config.gravity_compensation) add_gravity(state.gravity, config, record);
   std::array<Rates, kMaxJoints> rates;
   find_rates(record, state.scarce, state.gravity, config, rates);

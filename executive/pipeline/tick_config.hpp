@@ -66,6 +66,7 @@ struct JointConfig {
   float fallback_pose = 0;       // rad, where the fallback policy goes
   float fallback_speed = 0;      // rad/s
   float observer_bandwidth = 0;  // rad/s of the velocity observer
+  float following_error = 0;     // rad between the joint and its reference (following.hpp); 0: not looked for
   std::uint8_t bus = 0;
   LoopAt loop = LoopAt::drive;
   bool passive = false;        // measured, never driven: its setpoint has no gains and no torque, whatever is asked
@@ -102,6 +103,13 @@ struct FeedbackLimits {
   float jump = 0.05F;                        // rad beyond what velocity_hard allows; 0: not looked for
   float contradiction = 0.03F;               // rad between positions and velocities; 0: not looked for
   Duration frozen_after = milliseconds(20);  // no sooner is a position that stands still frozen; 0: not looked for
+};
+
+// What a joint does to the robot that is further from its reference than following_error.
+enum class FollowingReaction : std::uint8_t { warn, degrade, stop };
+struct FollowingLimits {
+  Duration timeout = milliseconds(500);  // without interruption; 0: not looked for
+  FollowingReaction then = FollowingReaction::warn;
 };
 
 // Shares of the ticks in about the last window, in 1/65536, above which a bus fault holds; kWholeShare: never.
@@ -214,6 +222,7 @@ struct TickConfig {
   Duration feedback_timeout;  // a joint silent for longer: feedback_lost
   Duration enable_timeout;    // arming must succeed within it
   FeedbackLimits feedback;
+  FollowingLimits following;
   BusFaultLimits bus_faults;
   double late_share = 0.25;            // of the freshness window: more periods late or skipped are an overrun; 1: never
   std::uint32_t unrecorded_limit = 0;  // ticks the recorder may be behind; 0: none is required

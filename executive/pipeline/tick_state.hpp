@@ -40,7 +40,8 @@ struct JointState {
   float kp_before = 0;    // Nm/rad, stiffness by which the drive was pulled to the reference in the previous tick
   std::uint8_t braked_before = 0;  // 1: in the previous tick the reference braked, or stood
   std::uint8_t reserved[3] = {};
-  Duration stood_still;  // how long the loop itself stood still since the joint was heard: no silence of its drive
+  Duration stood_still;   // how long the loop itself stood still since the joint was heard: no silence of its drive
+  MonoTime behind_since;  // the joint is further from its reference than following_error; unset: it is not
 };
 
 // A loop that stood still for longer knows nothing of its joints any more, whoever is to blame.
@@ -152,7 +153,7 @@ struct TickState {
 
 static_assert(std::is_trivially_copyable_v<TickState>);
 // No hidden padding: keyframes of equal states are equal bytes.
-static_assert(sizeof(JointState) == sizeof(ObserverState) + 3 * sizeof(ReferenceState) + 48 &&
+static_assert(sizeof(JointState) == sizeof(ObserverState) + 3 * sizeof(ReferenceState) + 56 &&
               sizeof(ObserverState) == 16);
 static_assert(sizeof(RestWatch) == 16 + 4 * kMaxJoints && sizeof(ModeState) == 96 + 2 * sizeof(RestWatch) &&
               sizeof(Counters) == 24 && sizeof(Recovery) == 32);

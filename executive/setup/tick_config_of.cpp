@@ -72,6 +72,7 @@ pipeline::JointConfig joint_of(const Joint& from) {
   to.damping = narrow(from.damping);
   to.inertia = narrow(from.inertia);
   to.inertia_max = narrow(from.inertia_max);
+  to.following_error = narrow(from.limits.following_error);
   to.home = narrow(from.home);
   to.fallback_pose = to.home;
   to.observer_bandwidth = narrow(from.observer_bandwidth);
@@ -128,6 +129,18 @@ pipeline::DegradedBehaviour behaviour_of(Degraded behaviour) {
       return pipeline::DegradedBehaviour::fallback;
   }
   return pipeline::DegradedBehaviour::hold;
+}
+
+pipeline::FollowingReaction following_of(Following following) {
+  switch (following) {
+    case Following::warn:
+      return pipeline::FollowingReaction::warn;
+    case Following::degrade:
+      return pipeline::FollowingReaction::degrade;
+    case Following::stop:
+      return pipeline::FollowingReaction::stop;
+  }
+  return pipeline::FollowingReaction::stop;
 }
 
 pipeline::Interpolation interpolation_of(Interpolation interpolation) {
@@ -266,6 +279,7 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   tick.feedback_timeout = robot.feedback.timeout;
   tick.enable_timeout = robot.feedback.enable_timeout;
   tick.feedback = {narrow(robot.feedback.jump), narrow(robot.feedback.contradiction), robot.feedback.frozen_after};
+  tick.following = {robot.feedback.following_timeout, following_of(robot.feedback.following)};
   tick.bus_faults = bus_faults_of(robot.bus_faults, robot.control.period);
   tick.late_share = robot.control.late_share;
   tick.unrecorded_limit = robot.record.recorder == Recorder::required ? pipeline::kLongestUnrecorded : 0;

@@ -55,6 +55,8 @@ bool is_drive_or_bus(Cause cause) {
     case Cause::imu_lost:
     case Cause::fallback_spent:
     case Cause::temperature_high:
+    case Cause::following_error:
+    case Cause::following_lost:
     case Cause::degraded_spent:
       return false;
   }

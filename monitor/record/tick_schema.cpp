@@ -173,6 +173,7 @@ constexpr TickField kJointFields[] = {
      "bit mask: 1 lost, 2 repeated, 4 delayed, 8 outlier, 16 jumped, 32 contradicts, 64 frozen, 128 from the future, "
      "256 moved unheard"},
     {"drive_enabled", u8, JOINT(drive_enabled), out, "1: this drive is told to be enabled; 0: to de-energise"},
+    {"behind", u8, JOINT(behind), out, "1: too far from its reference for feedback.following_timeout"},
 };
 #undef FEEDBACK
 #undef JOINT

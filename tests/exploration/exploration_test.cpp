@@ -81,10 +81,11 @@ void expect_every_cause(const Seen& seen) {
   for (const pipeline::Reaction& row : pipeline::kReactions) {
     const auto is_met = [&row](const std::pair<Mode, Cause>& one) { return one.second == row.cause; };
     // fallback_spent: TwoPoliciesKeepTheContract; the next two: ARobotThatMindsKeepsTheContract; feedback_implausible:
-    // no drive lies here, see WrongFeedback of simulated_drives_test.
+    // no drive lies here, see WrongFeedback of simulated_drives_test; following: ARobotThatMindsKeepsTheContract, too.
     if (row.severity == 0 || row.cause == Cause::internal_error || row.cause == Cause::fallback_spent ||
         row.cause == Cause::temperature_high || row.cause == Cause::degraded_spent ||
-        row.cause == Cause::feedback_implausible)
+        row.cause == Cause::feedback_implausible || row.cause == Cause::following_error ||
+        row.cause == Cause::following_lost)
       continue;
     EXPECT_TRUE(std::ranges::any_of(seen, is_met)) << name(row.cause) << " was never met";
   }
@@ -244,8 +245,8 @@ TEST(Exploration, DrivesAtADividedRateKeepTheContract) {
   EXPECT_TRUE(seen.contains({Mode::tracking, Cause::operator_stop}));
 }
 
-// Goal: nor does a robot that heat degrades, and that is degraded for so long only. Method: as above, with its drives
-// hot and its policy silent.
+// Goal: nor does a robot that heat degrades, that is degraded for so long only, and that stops where a joint is held.
+// Method: as above, with its drives hot, its policy silent, a joint in a hand.
 TEST(Exploration, ARobotThatMindsKeepsTheContract) {
   const config::RobotConfig robot = robot_that_minds();
   Seen seen;
@@ -259,8 +260,12 @@ TEST(Exploration, ARobotThatMindsKeepsTheContract) {
   }
   const std::vector<Event> silent{{Happening::policy_silent, seconds(3), seconds(3)}};
   EXPECT_EQ(explore(robot, 1, silent, &seen), "");
+  const std::vector<Event> held{{Happening::hand_holds, seconds(3), seconds(3)},
+                                {Happening::asks_far, milliseconds(3100), seconds(2)}};
+  EXPECT_EQ(explore(robot, 1, held, &seen), "");
   for (const auto& [mode, cause] :
-       {std::pair{Mode::degraded, Cause::degraded_spent}, std::pair{Mode::tracking, Cause::temperature_high}})
+       {std::pair{Mode::degraded, Cause::degraded_spent}, std::pair{Mode::tracking, Cause::temperature_high},
+        std::pair{Mode::tracking, Cause::following_lost}})
     EXPECT_TRUE(seen.contains({mode, cause})) << name(mode) << " by " << name(cause);
 }
 

@@ -138,6 +138,8 @@ std::optional<Duration> finding(const Strike& strike, const config::RobotConfig&
     case Cause::feedback_lost:
       return robot.feedback.timeout;
     case Cause::feedback_implausible:
+    case Cause::following_error:
+    case Cause::following_lost:
       return std::nullopt;
     case Cause::bus_error_passive:
       return shared(robot.bus_faults.error_passive);

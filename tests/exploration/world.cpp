@@ -53,6 +53,7 @@ config::RobotConfig robot_that_minds() {
   config::RobotConfig robot = small_robot();
   robot.degraded.by_temperature = true;
   robot.degraded.longest = milliseconds(200);
+  robot.feedback.following = config::Following::stop;
   for (config::Joint& joint : robot.joints)
     if (joint.limits.temperature) joint.limits.temperature->stop = 0;
   return robot;

@@ -106,6 +106,35 @@ class SimulatedServo : public testing::Test {
   Cia402Device drive{node5(), milliseconds(100)};
 };
 
+// 6065 and 6066: 100 counts for 5 ms. A motor that is held away from its target faults; one that is back in time does
+// not, nor one whose drive was never told a window.
+TEST_F(SimulatedServo, InPositionModeItWatchesItsFollowingError) {
+  constexpr double kBeyond = 0.2;  // rad, 130 counts
+  for (const bool watches : {false, true}) {
+    drive.power_cycle(now);
+    now = now + seconds(2);
+    update();
+    configure(0x607A0020, 8);
+    if (watches) {
+      EXPECT_TRUE(takes(4, 0x6065, 0, 100));
+      EXPECT_TRUE(takes(2, 0x6066, 0, 5));
+    }
+    const auto command = [&](std::uint32_t controlword) {
+      hear(frame(0x205, {controlword, 0, 8, 0, 0, 0, 0}));
+      hear(frame(0x080, {}));
+    };
+    for (const std::uint32_t controlword : {0x06U, 0x07U, 0x0FU}) command(controlword);
+    ASSERT_EQ(drive.state(), DeviceState::enabled);
+    for (int i = 0; i < 4; ++i) command(0x0F), update(kBeyond);
+    command(0x0F), update(0);
+    for (int i = 0; i < 5; ++i) command(0x0F), update(kBeyond);
+    EXPECT_EQ(drive.state(), DeviceState::enabled) << "within its time";
+    for (int i = 0; i < 2; ++i) command(0x0F), update(kBeyond);
+    EXPECT_EQ(drive.state() == DeviceState::enabled, !watches);
+    EXPECT_EQ(drive.objects().value(0x603F) == 0x8611, watches);
+  }
+}
+
 TEST_F(SimulatedServo, AnswersReadsWithTheObjectsSize) {
   EXPECT_EQ(read(0x1000), "585#4300100092010200");
   EXPECT_EQ(read(0x6076), "585#4376600010270000") << "10000 mNm";

@@ -171,6 +171,14 @@ TEST(DriveCard, OfACia402Drive) {
   EXPECT_EQ(std::ranges::count(entries, torque_range, &CardEntry::item), 2) << "rated, and the most it lets through";
 }
 
+TEST(DriveCard, OfAPositionDriveHasItsWindow) {
+  Drive drive = drive_of(config::DriveProtocol::cia402);
+  drive.mode = config::Cia402Mode::csp;
+  expect(card_after_set_up(drive, drive), {{following_window, "none: the drive does not watch it", told}});
+  drive.mode = config::Cia402Mode::cst;
+  EXPECT_EQ(entry(card_after_set_up(drive, drive), following_window).value, "no such row");
+}
+
 // What refuses arming stands on the card with both values.
 TEST(DriveCard, SaysBothSidesOfADifference) {
   Drive file = drive_of(config::DriveProtocol::mit, "DM4310", "damiao");

@@ -2,6 +2,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <numbers>
 
 #include "drivers/protocol/cia402/cia402_driver.hpp"
 #include "drivers/protocol/drive_timeout.hpp"
@@ -15,7 +16,8 @@ constexpr std::uint32_t key(std::uint32_t index, std::uint32_t sub) {
 constexpr std::uint32_t kVendor = key(0x1018, 1), kProduct = key(0x1018, 2), kRevision = key(0x1018, 3),
                         kSerial = key(0x1018, 4), kDeadline = key(0x1400, 5), kHeartbeatWatch = key(0x1016, 1),
                         kMode = key(0x6061, 0), kRatedTorque = key(0x6076, 0), kMaxTorque = key(0x6072, 0),
-                        kVelocityUnit = key(0x60A9, 0);
+                        kVelocityUnit = key(0x60A9, 0), kFollowingWindow = key(0x6065, 0),
+                        kFollowingTimeout = key(0x6066, 0);
 
 // Of the text's segments two words each: four letters, and three.
 constexpr std::uint32_t kTextWords = 2 * cia402::kTextSegments;
@@ -96,6 +98,22 @@ std::vector<CardRow> torque_rows(const config::Drive& drive) {
        }}};
 }
 
+// How far from its target, and for how long, the drive lets its motor be before it faults.
+CardRow following_row(const config::Drive& drive) {
+  constexpr std::uint32_t kNone = 0xFFFF'FFFF;
+  const double rad_per_count = 2 * std::numbers::pi / static_cast<double>(drive.counts_per_turn) / drive.gear_ratio;
+  return {.item = CardItem::following_window,
+          .source = "objects 6065:00, 6066:00",
+          .expected = {},
+          .keys = {kFollowingWindow, kFollowingTimeout},
+          .text = [=](std::span<const std::uint32_t> values) {
+            if (values[0] == kNone) return std::string("none: the drive does not watch it");
+            std::array<char, 80> text{};
+            std::snprintf(text.data(), text.size(), "%.3g rad for %u ms", values[0] * rad_per_count, values[1]);
+            return std::string(text.data());
+          }};
+}
+
 CardRow unit_row() {
   return {.item = CardItem::velocity_unit,
           .source = "object 60A9:00",
@@ -125,6 +143,7 @@ std::vector<CardRow> cia402_card_rows(const config::RobotConfig& robot, std::siz
       mode_row(drive.mode)};
   for (CardRow& row : torque_rows(drive)) rows.push_back(std::move(row));
   if (drive.mode == config::Cia402Mode::csv) rows.push_back(unit_row());
+  if (drive.mode == config::Cia402Mode::csp) rows.push_back(following_row(drive));
   rows.push_back(watchdog_row("object 1400:05", kDeadline, milliseconds(1)));
   rows.push_back(watchdog_row("object 1016:01", kHeartbeatWatch, milliseconds(1)));
   rows.push_back(untold(home));

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <numbers>
 
 #include "drivers/protocol/cia402/cia402_driver.hpp"
 
@@ -52,6 +53,22 @@ std::uint32_t max_torque_per_mille(const config::Joint& joint) {
   const double most =
       frames_say ? drive.torque_range : std::min(drive.torque_range, joint.limits.torque / drive.gear_ratio);
   return static_cast<std::uint32_t>(std::clamp(std::floor(most / drive.rated_torque * 1000 + 1e-6), 1.0, 65'535.0));
+}
+
+// Object 6065, where the robot stops for it: as far as the executive lets the joint be behind (pipeline/following.hpp).
+std::uint32_t following_window(const config::RobotConfig& robot, const config::Joint& joint) {
+  constexpr double kShareOfTorque = 0.9;
+  if (robot.feedback.following != config::Following::stop || robot.feedback.following_timeout <= Duration{}) return 0;
+  const double by_torque = joint.kp > 0 ? kShareOfTorque * joint.limits.torque / joint.kp : 0;
+  const double window = joint.limits.following_error > 0 ? joint.limits.following_error : by_torque;
+  const double counts =
+      window * joint.drive.gear_ratio * static_cast<double>(joint.drive.counts_per_turn) / (2 * std::numbers::pi);
+  return static_cast<std::uint32_t>(std::clamp(std::ceil(counts), 0.0, 2'147'483'647.0));
+}
+
+// Object 6066: twice the executive's time-out, whose stop keeps the drive's power.
+std::uint16_t following_timeout_ms(const config::RobotConfig& robot) {
+  return static_cast<std::uint16_t>(std::clamp(2 * robot.feedback.following_timeout.milliseconds(), 1.0, 65'535.0));
 }
 
 const char* wrong_with(const config::Drive& drive) {
@@ -154,6 +171,8 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_cia402_driver(cons
                     .rated_torque_mNm = static_cast<std::uint32_t>(std::llround(drive.rated_torque * 1000)),
                     .max_torque_per_mille = max_torque_per_mille(wanted),
                     .velocity_unit = drive.velocity_unit,
+                    .following_window = following_window(robot, wanted),
+                    .following_timeout_ms = following_timeout_ms(robot),
                     .watchdog_waived = config::waives_watchdog(drive),
                     .identity = *identity,
                     .revision = *revision};

@@ -27,17 +27,21 @@ enum class For : std::uint8_t {
   watches_heartbeat,  // it is not
   cst,
   own_loop,  // csp, csv
+  csp,
+  watches_following,  // csp, with a window of ours
   csv,
 };
+
+bool same(std::uint32_t expected, std::uint32_t found) {
+  return expected == found;
+}
 
 struct Row {
   Action action;
   ObjectId object;
   unsigned bytes;
   std::uint32_t (*value)(const SetupValues&);
-  bool (*fits)(std::uint32_t expected, std::uint32_t found) = [](std::uint32_t expected, std::uint32_t found) {
-    return expected == found;
-  };
+  bool (*fits)(std::uint32_t expected, std::uint32_t found) = same;
   For whom = For::all;
 };
 
@@ -77,6 +81,12 @@ std::uint32_t rated_torque(const SetupValues& values) {
 }
 std::uint32_t max_torque(const SetupValues& values) {
   return values.max_torque_per_mille;
+}
+std::uint32_t following_window(const SetupValues& values) {
+  return values.following_window;
+}
+std::uint32_t following_timeout(const SetupValues& values) {
+  return values.following_timeout_ms;
 }
 constexpr std::uint32_t in_ms(Duration duration) {
   return static_cast<std::uint32_t>(duration.ns / 1'000'000);
@@ -131,7 +141,8 @@ bool is_reaction(std::uint32_t /*expected*/, std::uint32_t found) {
   return found >= 1 && found <= 3;
 }
 
-constexpr ObjectId kDeadline{0x1400, 5}, kHeartbeatWatch{0x1016, 1}, kAbortConnection{0x6007, 0}, kMaxTorque{0x6072, 0};
+constexpr ObjectId kDeadline{0x1400, 5}, kHeartbeatWatch{0x1016, 1}, kAbortConnection{0x6007, 0}, kMaxTorque{0x6072, 0},
+    kFollowingWindow{0x6065, 0}, kFollowingTimeout{0x6066, 0};
 constexpr std::uint16_t kIdentity = 0x1018;
 constexpr std::uint32_t kDriveProfile = 402;  // in the lower half of 1000
 
@@ -186,6 +197,12 @@ constexpr Row kScript[] = {
     {Action::write_if_there, kMaxTorque, 2, max_torque, at_most, For::cst},
     {Action::write, kMaxTorque, 2, max_torque, at_most, For::own_loop},
     {Action::compare_if_there, kMaxTorque, 2, max_torque, at_most},
+    {Action::write_if_there, kFollowingWindow, 4, following_window, same, For::watches_following},
+    {Action::write_if_there, kFollowingTimeout, 2, following_timeout, same, For::watches_following},
+    {Action::compare_if_there, kFollowingWindow, 4, following_window, same, For::watches_following},
+    {Action::compare_if_there, kFollowingTimeout, 2, following_timeout, same, For::watches_following},
+    {Action::show, kFollowingWindow, 4, not_named, same, For::csp},
+    {Action::show, kFollowingTimeout, 2, not_named, same, For::csp},
 };
 
 struct Abort {
@@ -347,6 +364,10 @@ bool Setup::row_applies() const noexcept {
       return values_.mode == config::Cia402Mode::cst;
     case For::own_loop:
       return values_.mode != config::Cia402Mode::cst;
+    case For::csp:
+      return values_.mode == config::Cia402Mode::csp;
+    case For::watches_following:
+      return values_.mode == config::Cia402Mode::csp && values_.following_window != 0;
     case For::csv:
       return values_.mode == config::Cia402Mode::csv;
   }

@@ -13,6 +13,10 @@
 // velocity is compared with 60A9 where the drive has it. Torque: 6072 is written and read back; without it a drive that
 // closes its own loop (CSP, CSV) is refused, since nothing that we send limits its torque.
 //
+// Its own watch on the position error (6065, 6066): of a CSP drive it is read, for the card. Where the robot file stops
+// the robot for that (feedback.following), a drive that has these objects gets them, and is read back: the window of
+// the joint, and a time-out that leaves the executive's stop the first word.
+//
 // Who it is (1018: vendor, product, revision, serial number) is read, and may stay unread where the robot file names
 // nothing of it (drive.identity, drive.firmware). So is the version of its software, a text (100A), for the drive card:
 // segment by segment where it is longer than four letters, kTextSegments at most.
@@ -51,6 +55,8 @@ struct SetupValues {
   std::uint32_t rated_torque_mNm = 0;         // compared with object 6076, to half a percent
   std::uint32_t max_torque_per_mille = 1000;  // object 6072
   config::Cia402VelocityUnit velocity_unit = config::Cia402VelocityUnit::counts_per_s;  // csv
+  std::uint32_t following_window = 0;      // counts, object 6065; 0: left as it is
+  std::uint16_t following_timeout_ms = 0;  // object 6066
   bool watchdog_waived = false;
   DriveWords identity{};  // vendor, product and, where there is a third, serial number; nothing: any
   DriveWords revision{};  // nothing: any

@@ -467,6 +467,29 @@ TEST(WireGuard, ADriveWithALoopOfItsOwnGetsNoMoreThanTheJointsTorque) {
   }
 }
 
+// 6065 and 6066: no wider and no longer than the robot file says, and nothing where it does not stop the robot for it.
+TEST(WireGuard, APositionDrivesWindowIsTheRobotFiles) {
+  Decision off;
+  off.moment.enabled = false;
+  config::RobotConfig robot = in_mode(config::Cia402Mode::csp);
+  const std::string window = sdo(0x23, 0x6065, 0, 100), timeout = sdo(0x2B, 0x6066, 0, 1000);
+  GuardBench warns("right_base_yaw", robot);
+  EXPECT_EQ(warns.pass(0x601, window, off), unknown_frame);
+  EXPECT_EQ(warns.pass(0x601, timeout, off), unknown_frame);
+  robot.feedback.following = config::Following::stop;
+  GuardBench stops("right_base_yaw", robot);
+  EXPECT_EQ(stops.pass(0x601, window, off), allowed);
+  EXPECT_EQ(stops.pass(0x601, window), misplaced) << "not while it is to be enabled";
+  EXPECT_EQ(stops.pass(0x601, sdo(0x23, 0x6065, 0, 0), off), unknown_frame) << "it would fault at once";
+  EXPECT_EQ(stops.pass(0x601, sdo(0x23, 0x6065, 0, 0xFFFF'FFFF), off), unknown_frame) << "it would never";
+  EXPECT_EQ(stops.pass(0x601, timeout, off), allowed) << "twice the executive's own";
+  EXPECT_EQ(stops.pass(0x601, sdo(0x2B, 0x6066, 0, 1001), off), unknown_frame);
+  robot = in_mode(config::Cia402Mode::cst);
+  robot.feedback.following = config::Following::stop;
+  GuardBench torque("right_base_yaw", robot);
+  EXPECT_EQ(torque.pass(0x601, window, off), unknown_frame) << "its loop is not the drive's";
+}
+
 TEST(WireGuard, ReadsCspAndCsv) {
   GuardBench csp("right_base_yaw", in_mode(config::Cia402Mode::csp));
   const auto counts = [](double rad) {

@@ -252,6 +252,7 @@ TEST_F(IncidentTest, EveryCauseThatStopsHasWordsOrAPlace) {
       each.dq_estimate = 99;
       each.feedback.temperature_C = 90;
       each.reply_faults = 0xFF;
+      each.behind = 1;
     }
     for (BusHealth& bus : record.header.buses)
       bus.flooded = 1, bus.tx_dropped = bus.rx_dropped = bus.foreign_frames = 3;
@@ -418,6 +419,24 @@ TEST_F(DegradedIncident, SaysThatItsTimeIsOver) {
   ASSERT_TRUE(incident);
   EXPECT_EQ(incident->detail,
             "the robot has been degraded for 3 s (degraded.for), and the contract is not restored: none is left");
+}
+
+struct FollowingIncident : IncidentTest {};
+
+TEST_F(FollowingIncident, NamesTheJointAndTheDistance) {
+  robot.joints[2].limits.following_error = 0.2;
+  watch = IncidentWatch(robot);
+  enter(Mode::tracking, Cause::drives_enabled);
+  record.joints[2].behind = 1;
+  record.joints[2].q_reference = 0.75F;
+  record.joints[2].q_estimate = 0.5F;
+  const auto incident = enter(Mode::damped_stop, Cause::following_lost);
+  ASSERT_TRUE(incident);
+  EXPECT_EQ(incident->where, "joint elbow");
+  EXPECT_NE(
+      incident->sentence.find("0.250 rad from its reference, more than limits.following_error (0.200 rad), for 500 ms"),
+      std::string::npos)
+      << incident->sentence;
 }
 
 }  // namespace

@@ -49,7 +49,9 @@ const std::map<Cause, std::string>& expected() {
                                                  {Cause::temperature_high, "..d..."},
                                                  {Cause::overtemperature, ".ppp.."},
                                                  {Cause::degraded_spent, "...p.."},
-                                                 {Cause::feedback_implausible, ".ffff."}};
+                                                 {Cause::feedback_implausible, ".ffff."},
+                                                 {Cause::following_error, "..d..."},
+                                                 {Cause::following_lost, "..pp.."}};
   return rows;
 }
 

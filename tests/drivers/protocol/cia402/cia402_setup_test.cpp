@@ -389,6 +389,31 @@ TEST(Cia402Setup, TheUnitOfTargetVelocityIsComparedWhereTheDriveTellsIt) {
   }
 }
 
+// Goal: a CSP drive watches its position error where the robot file stops the robot for it, and is never told to
+// otherwise; a drive without the objects, and one that was told nothing, is set up all the same.
+TEST(Cia402Setup, TheWindowOfAPositionDriveIsWrittenWhereTheRobotStopsForIt) {
+  SetupValues values = kCst;
+  values.mode = config::Cia402Mode::csp;
+  values.following_window = 1304;
+  values.following_timeout_ms = 1000;
+  Conversation told(values);
+  EXPECT_EQ(text(told.agree_until({0x6065, 0})), "605#2365600018050000");
+  told.agree_with({0x6065, 0});
+  EXPECT_EQ(text(told.agree_until({0x6066, 0})), "605#2b666000e8030000");
+  told.agree_with({0x6066, 0});
+  told.answer(sdo_answer(told.agree_until({0x6065, 0}), 0x43, 1305));
+  ASSERT_TRUE(told.setup.fault()) << "it kept another window";
+  EXPECT_EQ(*told.setup.fault(), SetupFault::settings_differ);
+  Conversation absent(values);
+  absent.answer(sdo_answer(absent.agree_until({0x6065, 0}), 0x80, 0x06020000));
+  absent.answer(sdo_answer(absent.agree_until({0x6066, 0}), 0x80, 0x06020000));
+  EXPECT_FALSE(absent.setup.fault());
+  values.following_window = 0;
+  Conversation asked(values);
+  EXPECT_EQ(text(asked.agree_until({0x6065, 0})), "605#4065600000000000") << "read, for the card";
+  EXPECT_EQ(text(asked.agree_until({0x6066, 0})), "605#4066600000000000");
+}
+
 // Goal: what is sent to a drive that closes its own loop limits no torque, so the drive must.
 TEST(Cia402Setup, TorqueIsLimitedInTheDriveWhereNothingElseDoes) {
   for (const auto mode : {config::Cia402Mode::csp, config::Cia402Mode::csv, config::Cia402Mode::cst}) {
