@@ -10,6 +10,8 @@ namespace takt::pipeline {
 namespace {
 
 constexpr float kScaleTolerance = 0.25F;   // of the way: drives' velocities are filtered, and rarely calibrated
+constexpr float kSlopeTolerance = 0.3F;    // likewise
+constexpr float kTravelThatTells = 5.0F;   // of the limit: how far the joint has to go before the slope is judged
 constexpr float kSwing = 0.2F;             // of the torque limit: more than coarse drives resolve, and friction hides
 constexpr float kHeldByFriction = 0.075F;  // of the torque limit
 constexpr float kBeyondFriction = 0.12F;   // of the torque limit
@@ -61,6 +63,8 @@ void keep(JointWatch& watch, const JointFeedback& reply) {
 void begin(JointWatch& watch, const JointFeedback& reply) {
   keep(watch, reply);
   watch.ahead = watch.travel = 0.0F;
+  watch.stretch = watch.stretch_moved = watch.stretch_told = 0.0F;
+  watch.moved_told = watch.told_told = watch.went = 0.0F;
   watch.score = 0;
   begin_stillness(watch, reply.received_at);
   begin_sameness(watch, reply.received_at);
@@ -79,6 +83,14 @@ bool is_frozen_for_long(MonoTime since, const JointFeedback& reply, const TickCo
   return reply.received_at - since >= config.feedback.frozen_after;
 }
 
+void end_stretch(JointWatch& watch) {
+  const float left = std::max(0.0F, 1.0F - watch.stretch / kFeedbackMemory_s);
+  watch.moved_told = left * watch.moved_told + watch.stretch_moved * watch.stretch_told;
+  watch.told_told = left * watch.told_told + watch.stretch_told * watch.stretch_told;
+  watch.went = left * watch.went + std::min(std::abs(watch.stretch_moved), std::abs(watch.stretch_told));
+  watch.stretch = watch.stretch_moved = watch.stretch_told = 0.0F;
+}
+
 // Positions against the drive's own velocities. A velocity that is no number says the worst that is possible.
 void compare(JointWatch& watch, const JointFeedback& reply, const JointLimits& limits) {
   const float dt = seconds_of(reply.received_at - watch.believed_at);
@@ -89,6 +101,16 @@ void compare(JointWatch& watch, const JointFeedback& reply, const JointLimits& l
   watch.ahead = left * watch.ahead + moved - by_velocity;
   watch.travel = left * watch.travel + std::max(std::abs(moved), std::abs(by_velocity));
   watch.slid = left * watch.slid + by_velocity;
+  watch.stretch += dt;
+  watch.stretch_moved += moved;
+  watch.stretch_told += by_velocity;
+  if (watch.stretch >= kStretch_s) end_stretch(watch);
+}
+
+// By how much the slope of positions over velocities is off, as a share of what it may be.
+float slope_share(const JointWatch& watch, float limit) {
+  if (!(watch.went >= kTravelThatTells * limit)) return 0.0F;
+  return std::abs(watch.moved_told - watch.told_told) / (kSlopeTolerance * watch.told_told);
 }
 
 bool is_near_stop(float q, const JointLimits& limits) {
@@ -124,7 +146,7 @@ void look_for_contradiction(JointWatch& watch, const JointFeedback& reply, const
   const bool looks = config.feedback.frozen_after > Duration{};
   if (looks && !(std::abs(watch.slid) <= limit) && is_frozen_for_long(watch.still_since, reply, config))
     find(watch, ReplyFault::frozen, reply.received_at);
-  if (!(std::abs(watch.ahead) <= limit + kScaleTolerance * watch.travel))
+  if (!(std::abs(watch.ahead) <= limit + kScaleTolerance * watch.travel) || !(slope_share(watch, limit) <= 1.0F))
     find(watch, ReplyFault::contradicts, reply.received_at);
 }
 
@@ -246,7 +268,8 @@ FeedbackMargin margin_of(const JointWatch& watch, const JointConfig& joint, cons
   const float limit = config.feedback.contradiction;
   FeedbackMargin margin;
   if (joint.tells_velocity && limit > 0.0F) {
-    margin.contradiction = std::abs(watch.ahead) / (limit + kScaleTolerance * watch.travel);
+    margin.contradiction =
+        std::max(std::abs(watch.ahead) / (limit + kScaleTolerance * watch.travel), slope_share(watch, limit));
     margin.frozen = std::abs(watch.slid) / limit;
   }
   if (config.feedback.frozen_after <= Duration{} || joint.passive) return margin;

@@ -5,7 +5,8 @@
 //              reply follows, the joint is in doubt: it only damps
 // jumped       outliers one after the other (kLasting), or again and again: the position is another one now
 // contradicts  over about kFeedbackMemory_s the positions moved otherwise than the drive's own velocities say:
-//              wrong scale or sign, or one of the two stands still
+//              wrong scale or sign, or one of the two stands still. By how far they went; and, of a joint that goes to
+//              and fro, by the slope of the one over the other, stretch by stretch (kStretch_s)
 // frozen       one position from reply to reply (bit by bit),
 //              - while the drive's own velocities add up to a motion;
 //              - or velocity and torque stand still with it, while the torque that we ask for changed;
@@ -35,6 +36,7 @@ namespace takt::pipeline {
 
 inline constexpr Duration kSuspectFor = milliseconds(500);
 inline constexpr float kFeedbackMemory_s = 0.5F;
+inline constexpr float kStretch_s = 0.016F;  // long enough that a coarse encoder's steps tell a motion
 inline constexpr std::int64_t kLongSilence_ticks = 50;
 inline constexpr float kMovedUnheard = 0.05F;  // rad
 inline constexpr int kLasting = 3;             // outliers one after the other
@@ -52,9 +54,14 @@ struct JointWatch {
   float ahead = 0;         // rad: how much further the positions moved than the velocities say, leaky
   float travel = 0;        // rad: how far it went by the larger of the two, leaky
   float slid = 0;          // rad: what the velocities add up to since still_since, leaky
-  float told = 0;          // Nm, that the newest setpoint makes at what the drive tells
-  float beyond = 0;        // Nm, of it beyond what gravity takes
-  float path = 0;          // rad, the newest tick's reference
+  float stretch = 0;       // s, of the present stretch
+  float stretch_moved = 0, stretch_told = 0;  // rad, by positions and by velocities, in it
+  // rad^2, leaky sums over stretches: moved times told, told times told. Their quotient is the slope.
+  float moved_told = 0, told_told = 0;
+  float went = 0;                     // rad, leaky: what both agree on of each stretch, whichever way
+  float told = 0;                     // Nm, that the newest setpoint makes at what the drive tells
+  float beyond = 0;                   // Nm, of it beyond what gravity takes
+  float path = 0;                     // rad, the newest tick's reference
   float told_low = 0, told_high = 0;  // Nm, since same_since
   float beyond_from = 0;              // Nm, when position and velocity (where it is told) began to stay
   float path_from = 0;                // rad, likewise
@@ -104,6 +111,6 @@ struct FeedbackMargin {
 };
 FeedbackMargin margin_of(const JointWatch& watch, const JointConfig& joint, const TickConfig& config);
 
-static_assert(std::is_trivially_copyable_v<JointWatch> && sizeof(JointWatch) == 6 * 8 + 15 * 4 + 12);
+static_assert(std::is_trivially_copyable_v<JointWatch> && sizeof(JointWatch) == 6 * 8 + 21 * 4 + 12);
 
 }  // namespace takt::pipeline

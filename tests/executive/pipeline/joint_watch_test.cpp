@@ -11,6 +11,7 @@
 #include <functional>
 #include <limits>
 #include <numbers>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -441,6 +442,60 @@ TEST(JointWatch, ABrakeThatHoldsAJointWithoutPowerIsNoFrozenEncoder) {
       ASSERT_EQ(rig.header().causes_active & bit(Cause::feedback_implausible), 0U)
           << "loop " << static_cast<int>(loop) << ", tick " << i;
     }
+  }
+}
+
+// --- to and fro: what goes back again adds up to nothing ---
+
+struct Swing {
+  const char* name;
+  double amplitude, frequency;  // rad, Hz
+  double scale;                 // of the positions that are told
+  double velocity_noise;        // rad/s, evenly spread
+  double encoder;               // rad per step
+  double filter;                // s, of the velocity; 0: none
+  bool is_wrong;
+};
+const Swing kSwings[] = {
+    {"reversed, fast and short", 0.03, 5, -1, 0, 0, 0, true},
+    {"half as much again", 0.03, 5, 1.5, 0, 0, 0, true},
+    {"half of it", 0.03, 5, 0.5, 0, 0, 0, true},
+    {"reversed, coarse and noisy", 0.05, 3, -1, 0.3, 0.0015, 0.005, true},
+    {"a sixth too much", 0.03, 5, 1.17, 0, 0, 0, false},
+    {"coarse, noisy and filtered", 0.05, 5, 1, 0.5, 0.0015, 0.02, false},
+    {"slow and coarse", 0.2, 0.3, 1, 0.3, 0.0015, 0.02, false},
+    {"at rest, and a noisy velocity", 0, 1, 1, 1.0, 0.0015, 0, false},
+};
+
+TEST(JointWatch, AJointThatGoesToAndFroIsHeldAgainstTheSlope) {
+  const TickConfig config = robot_with(LoopAt::drive, true);
+  const JointConfig& joint = config.joints[kLiar];
+  for (const Swing& swing : kSwings) {
+    JointWatch watch;
+    std::mt19937 random(3);
+    std::uniform_real_distribution<double> noise(-swing.velocity_noise, swing.velocity_noise);
+    double filtered = 0, went = 0;
+    bool is_found = false;
+    for (int i = 0; i < 4000 && !is_found; ++i) {
+      const double t = 1e-3 * i, phase = 2 * std::numbers::pi * swing.frequency * t;
+      const double q = swing.amplitude * std::sin(phase);
+      const double dq = 2 * std::numbers::pi * swing.frequency * swing.amplitude * std::cos(phase);
+      filtered += swing.filter > 0 ? (dq - filtered) * 1e-3 / swing.filter : dq - filtered;
+      const double wrong = i < 1000 ? q : swing.scale * q;  // true at first; it begins where both agree
+      JointFeedback told;
+      told.received_at = MonoTime{1'000'000'000 + std::int64_t{i} * 1'000'000};
+      told.q = static_cast<float>(swing.encoder > 0 ? std::round(wrong / swing.encoder) * swing.encoder : wrong);
+      told.dq = static_cast<float>(filtered + noise(random));
+      told.tau = static_cast<float>(i % 7);
+      take_feedback(watch, told, told.received_at, joint, config);
+      is_found = (feedback_faults(watch, told, told.received_at, config) & bit(ReplyFault::contradicts)) != 0;
+      if (i >= 1000) went += std::abs(dq) * 1e-3;
+    }
+    EXPECT_EQ(is_found, swing.is_wrong) << swing.name;
+    if (swing.is_wrong) {
+      EXPECT_LT(went, 0.7) << swing.name << ": rad to and fro until it is found";
+    }
+    EXPECT_TRUE(swing.is_wrong || margin_of(watch, joint, config).contradiction < 1.0F) << swing.name;
   }
 }
 
