@@ -182,6 +182,7 @@ void Oracles::watch_motion(std::size_t j, double velocity) {
   const bool was_touched = watched.touched_at.is_set() && now - watched.touched_at < kSettles;
   // A policy may leave damping out: then it swings as that policy wants.
   const bool swings = player_ != Player::none && watched.undamped_at.is_set() && now - watched.undamped_at < kSettles;
+  if (swings) watched.swung_at = now;
   const bool is_let_go = !kPlayedJointsYieldToHands && was_touched && player_ != Player::none;
   watched.carried = is_ill || is_touched || is_let_go || swings ? speed : std::min(watched.carried, speed);
   // A joint on a policy's half damping overshoots the speed of its reference, and a hand's spring adds to it.
@@ -191,7 +192,9 @@ void Oracles::watch_motion(std::size_t j, double velocity) {
     breaks("too_fast", j, fmt::format("{:.2f} rad/s", speed));
   const double gained = speed - (velocity * then > 0 ? std::abs(then) : 0.0);
   const double over_s = world_.plant().step_length().seconds() * static_cast<double>(watched.speeds.size());
-  if (!is_ill && !was_touched && !swings && gained > 2 * limits.acceleration * over_s + 0.25)
+  // A swing that a stop cut off is in what is compared for as long again.
+  const bool swung = watched.swung_at.is_set() && (now - watched.swung_at).seconds() < over_s;
+  if (!is_ill && !was_touched && !swung && gained > 2 * limits.acceleration * over_s + 0.25)
     breaks("too_sudden", j, fmt::format("{:.2f} rad/s after {:.2f}, {:.0f} ms before", velocity, then, 1000 * over_s));
   const bool is_led = player_ != Player::none ||
                       (mode_ == Mode::degraded && world_.robot().degraded.behaviour == config::Degraded::fallback);

@@ -77,7 +77,7 @@ class Oracles {
     double let_go = 0;                // rad/s, its speed when nobody played any more
     double led = -1;                  // rad/s, how fast it may be where nobody plays; < 0: not known
     std::array<double, 40> speeds{};  // rad/s, of the last steps, signed
-    MonoTime unusual_gains_at, undamped_at, played_at, powered_at, moving_since;
+    MonoTime unusual_gains_at, undamped_at, swung_at, played_at, powered_at, moving_since;
   };
   void frame(const World::Sent& sent);
   void mit_frame(std::size_t joint, const World::Sent& sent);
