@@ -114,8 +114,10 @@ std::string status_text(const StatusSnapshot& status, const IncidentNote& incide
     if (status.arrivals[arrival] != 0)
       text += fmt::format("           {} {}\n", status.arrivals[arrival], name(static_cast<Arrival>(arrival)));
   const bool hot = (tick.causes_active >> static_cast<unsigned>(Cause::temperature_high) & 1U) != 0;
-  text += fmt::format("drives     {}{}\n", tick.drives_enabled != 0 ? "enabled" : "disabled",
-                      hot ? "; hotter than a warning of limits.temperature (takt top says which)" : "");
+  const bool behind = (tick.causes_active >> static_cast<unsigned>(Cause::following_error) & 1U) != 0;
+  text += fmt::format("drives     {}{}{}\n", tick.drives_enabled != 0 ? "enabled" : "disabled",
+                      hot ? "; hotter than a warning of limits.temperature (takt top says which)" : "",
+                      behind ? "; a joint is behind its reference (takt top says which)" : "");
   text += fmt::format("policy     {}\n", peer_text(status.policy_pid));
   if (status.fallback_pid != 0 || tick.fallback.freshness != Freshness::missing)
     text += fmt::format("fallback   {}, command {}, age {:.1f} ms\n", peer_text(status.fallback_pid),

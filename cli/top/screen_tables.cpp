@@ -48,6 +48,7 @@ Line joint_line(const JointPicture& joint) {
                        record.feedback.temperature_C));
   if (!joint.error.empty()) line.add(joint.error + "  ", Style::alarm);
   if (record.reply_faults != 0) line.add("replies bad  ", Style::warning);
+  if (record.behind != 0) line.add("behind its reference  ", Style::warning);
   return line.add(interventions_text(joint), Style::warning);
 }
 

@@ -79,8 +79,9 @@ Diagnostic diagnose_joint(const TickRecord& record, std::size_t index, const con
   const JointFeedback& feedback = record.joints[index].feedback;
   const config::Joint& joint = robot.joints[index];
   auto [level, message] = judge_drive(feedback, record.header, joint, robot.feedback.timeout);
-  for (const drivers::CauseFinding& hot : drivers::cause_findings(Cause::temperature_high, record, robot))
-    if (level == Level::ok && hot.index == index) std::tie(level, message) = std::pair(Level::warn, hot.what);
+  for (const Cause told : {Cause::temperature_high, Cause::following_error})
+    for (const drivers::CauseFinding& found : drivers::cause_findings(told, record, robot))
+      if (level == Level::ok && found.index == index) std::tie(level, message) = std::pair(Level::warn, found.what);
   return {level,
           fmt::format("{}: joint {}", robot.robot, joint.name),
           std::move(message),

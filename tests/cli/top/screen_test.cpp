@@ -96,10 +96,12 @@ TEST(Screen, WhatIsWrongStandsOut) {
   picture.tick.recorded_through = 0;
   picture.buses[0].health.state = BusState::bus_off;
   picture.joints[0].error = "over-temperature";
+  picture.joints[1].newest.behind = 1;
   const auto lines = render(picture, {}, {24, 80}, Glyphs::unicode);
   for (const char* alarm : {"DAMPED_STOP", "stale", "100/1000", "violated", "bus-off", "over-temperature"})
     EXPECT_EQ(style_of(lines, alarm), Style::alarm) << alarm;
-  for (const char* warning : {"UNRECORDED", "NOT REAL TIME", "preempted 2", "tx lost 12", "velocity_limit 17"})
+  for (const char* warning :
+       {"UNRECORDED", "NOT REAL TIME", "preempted 2", "tx lost 12", "velocity_limit 17", "behind its reference"})
     EXPECT_EQ(style_of(lines, warning), Style::warning) << warning;
 }
 

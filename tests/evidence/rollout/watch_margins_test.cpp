@@ -26,7 +26,7 @@ constexpr pipeline::CauseMask kWatches =
 
 class Margins {
  public:
-  explicit Margins(const config::RobotConfig& robot) : config_(tick_config_of(robot)) {}
+  explicit Margins(const config::RobotConfig& robot) : config_(config::tick_config_of(robot, 1)) {}
 
   void begin() { joints_ = {}; }
   void take(const TickRecord& record) {
@@ -104,7 +104,7 @@ TEST_P(WatchMargins, SuspectNothingInHealthyRobots) {
   const auto robot = config::load(file);
   if (walk.published != nullptr) std::remove(file.c_str());
   ASSERT_TRUE(robot) << robot.error();
-  const config::PolicyConfig& known = *robot->policy;
+  const auto& known = *robot->policy;
   const auto policy = policy_host::load_onnx_policy(known.file, known.input, known.output);
   ASSERT_TRUE(policy) << policy.error();
   const auto fallback = load_fallback_host(*robot);

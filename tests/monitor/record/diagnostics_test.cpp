@@ -66,6 +66,14 @@ INSTANTIATE_TEST_SUITE_P(
             "a silent drive",
             [](TickRecord& record) { record.joints[1].feedback.received_at = record.header.now - milliseconds(250); },
             "arm6: joint shoulder", Level::stale, "silent for 250.0 ms"},
+        Ailment{"a joint that is held",
+                [](TickRecord& record) {
+                  record.joints[2].behind = 1;
+                  record.joints[2].q_reference = record.joints[2].q_estimate + 0.25F;
+                },
+                "arm6: joint elbow", Level::warn,
+                "0.250 rad from its reference, more than 90 % of limits.torque (30.0 Nm) allows, for 500 ms: held, "
+                "blocked, or too weak"},
         Ailment{"a drive never heard", [](TickRecord& record) { record.joints[5].feedback.received_at = {}; },
                 "arm6: joint wrist_yaw", Level::stale, "never answered"},
         Ailment{"a bus off", [](TickRecord& record) { record.header.buses[1].state = BusState::bus_off; },
