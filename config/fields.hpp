@@ -24,6 +24,9 @@ struct Key {
   std::string_view doc;
   std::optional<std::string_view> otherwise{};  // default, as YAML text
   bool prefilled = false;  // absent: the value already there stays; `otherwise` says where it is from
+  // one_of: not empty: a word is the name of a thing outside of the file. An unknown one is answered with the known
+  // ones and this way to go on, never with the nearest name: that is another thing.
+  std::string_view if_unknown{};
 };
 
 struct Range {

@@ -244,6 +244,12 @@ bool Reader::check_word(const Node& node, const Key& key, Words words, std::stri
   }
   std::vector<std::string_view> allowed(words.begin(), words.end());
   if (!none_word.empty()) allowed.push_back(none_word);
+  if (!key.if_unknown.empty()) {
+    complain(node, key,
+             fmt::format("{} `{}` is not known: known are {}; {}", what, node.text, fmt::join(allowed, ", "),
+                         key.if_unknown));
+    return false;
+  }
   const std::string_view meant = mistyped(node.text, allowed);
   complain(node, key,
            allowed.empty() ? fmt::format("{} `{}` is not known: none is declared; add it", what, node.text)

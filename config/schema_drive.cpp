@@ -66,7 +66,11 @@ void describe_fd_bitrate(Fields& fields, Drive& drive) {
 
 void describe_packed_ranges(Fields& fields, Drive& drive) {
   fields.one_of(
-      {"model", "mit, robstride: drive model whose ranges apply, or none: then all five are required", "none"},
+      {.name = "model",
+       .doc = "mit, robstride: drive model whose ranges apply, or none: then all five are required",
+       .otherwise = "none",
+       .if_unknown = "for another model write none and the five ranges of its manual (position_range, velocity_range, "
+                     "torque_range, kp_range, kd_range)"},
       drive.model, models_of(fields, drive.protocol), "drive model", "none");
   const DrivePreset* preset = find_drive_preset(drive.protocol, drive.model);
   const bool names_model = !drive.model.empty();  // an unknown one too: it is complained about where it stands

@@ -151,8 +151,15 @@ inline constexpr Refusal kRefusals[] = {
     Refusal{"an unknown fallback", "fallback: tuck }", "fallback: stand }",
             "11:44: degraded.fallback: fallback `stand` is not known; write one of: tuck, none"},
     Refusal{"an unknown drive model", "AK80-9", "AK80-99",
-            "19:53: joints[0].drive.model: drive model `AK80-99` is not known; write one of: AK80-9, "
-            "AK10-9, AK60-6, AK70-10, AK80-6, AK80-64, DM4310, DM4340, DM6006, DM8009, none"},
+            "19:53: joints[0].drive.model: drive model `AK80-99` is not known: known are AK80-9, "
+            "AK10-9, AK60-6, AK70-10, AK80-6, AK80-64, DM4310, DM4340, DM6006, DM8009, none; for another model write "
+            "none and the five ranges of its manual (position_range, velocity_range, torque_range, kp_range, "
+            "kd_range)"},
+    Refusal{"another motor than its nearest name", "AK80-9", "AK80-8",
+            "19:53: joints[0].drive.model: drive model `AK80-8` is not known: known are AK80-9, "
+            "AK10-9, AK60-6, AK70-10, AK80-6, AK80-64, DM4310, DM4340, DM6006, DM8009, none; for another model write "
+            "none and the five ranges of its manual (position_range, velocity_range, torque_range, kp_range, "
+            "kd_range)"},
     Refusal{"a drive that may forget where it is", "reply_id: 0, position_after_power_up: absolute }", "reply_id: 0 }",
             "19:12: key `position_after_power_up` is missing in `joints[0].drive`; add it: mit (tmotor), odrive: "
             "absolute, the drive knows where the joint is; unknown (odrive, incremental encoder) or one_of_several "
