@@ -143,6 +143,12 @@ int report(const drivers::JointJog& jog, const JointOptions& options) {
                velocity.scale, 100 * velocity.uncertainty);
   else if (velocity.verdict == Verdict::not_judged && !cut_short)
     fmt::print("joint {}: {}\n", options.joint, velocity.sentence);
+  // Gear and counts scale positions and velocities alike: nothing that the drive tells gives them away.
+  if (failure.empty())
+    fmt::print(
+        "joint {}: which angle did you see? If not {:+.1f} deg, gear_ratio or counts_per_turn is wrong by that "
+        "factor\n",
+        options.joint, jog.moved() / drivers::kDegree);
   if (!failure.empty()) fmt::print(stderr, "joint {}: {}\n", options.joint, failure);
   return exit_code;
 }

@@ -51,6 +51,13 @@ void JointJog::stop() {
   stopping_ = true;
 }
 
+VelocityScale JointJog::velocity_scale() const {
+  if (joint_.drive.protocol != config::DriveProtocol::cia402) return fit_.judge();
+  return {.sentence =
+              "its scale is not judged: the drive tells no velocity of its own; counts_per_turn and gear_ratio "
+              "are believed"};
+}
+
 double JointJog::moved() const {
   return last_seen_ - start_;
 }

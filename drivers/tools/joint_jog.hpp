@@ -62,8 +62,9 @@ class JointJog {
   [[nodiscard]] double started_at() const { return start_; }  // rad
   [[nodiscard]] double target() const { return target_; }     // rad
   [[nodiscard]] double moved() const;                         // rad, so far
-  // What the readings so far say of the reported velocity.
-  [[nodiscard]] VelocityScale velocity_scale() const { return fit_.judge(); }
+  // What the readings so far say of the reported velocity. Not judged of a drive that tells none of its own: its driver
+  // makes one of the very positions.
+  [[nodiscard]] VelocityScale velocity_scale() const;
 
  private:
   void enter(Phase phase, MonoTime now);

@@ -74,6 +74,28 @@ TEST_F(Jog, MovesAsFarAsAskedAndLetsGo) {
   EXPECT_EQ(velocity_.verdict, VelocityScale::Verdict::right) << velocity_.sentence;
 }
 
+// A CiA 402 drive with half the counts that the file says moves half as far, and its driver's velocity fits all the
+// same.
+TEST_F(Jog, AScaleThatOnlyTheFileSaysIsNotJudged) {
+  config::Drive& drive = robot_.joints[3].drive;
+  drive.protocol = config::DriveProtocol::cia402;
+  drive.mode = config::Cia402Mode::cst;
+  drive.id = 5;
+  drive.counts_per_turn = 4096;
+  drive.rated_torque = drive.torque_range = 10;
+  driver_ = make_joint_driver(robot_, 3).value();
+  config::Drive other = drive;
+  other.counts_per_turn = 8192;
+  device_ = plant::make_device(other, milliseconds(100));
+  plant::Frames said;
+  device_->update({q_, dq_}, now_, {}, said);
+  run({.by = 0.1, .speed = 0.2, .torque = 1}, seconds(30));
+  EXPECT_EQ(failure_, "");
+  EXPECT_NEAR(q_, 0.35, 0.01) << "truly half of it";
+  EXPECT_EQ(velocity_.verdict, VelocityScale::Verdict::not_judged) << velocity_.scale;
+  EXPECT_EQ(velocity_.sentence.find("its scale is not judged"), 0U) << velocity_.sentence;
+}
+
 // The drive packs its velocity into four fifths of the range that the file says.
 TEST_F(Jog, AVelocityOfAnotherRangeIsNamed) {
   config::Drive& drive = robot_.joints[3].drive;
