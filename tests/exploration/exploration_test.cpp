@@ -196,7 +196,7 @@ TEST(Exploration, NoJointIsThrown) {
 }
 
 // Goal: a joint whose feedback lies moves the robot out of no frame's limits, and stops it no worse. Method: as above,
-// with a lie in each schedule. What such a joint does is judged once kLiesAreFound says so (oracles.hpp).
+// with a lie in each schedule. A lie that shows has to be found; of the others the joint's own motion is not judged.
 TEST(Exploration, ALieInFeedbackKeepsTheContract) {
   Seen seen;
   int broken = 0;

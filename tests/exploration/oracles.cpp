@@ -165,7 +165,7 @@ void Oracles::watch_motion(std::size_t j, double velocity) {
   const MonoTime now = world_.now();
   Watched& watched = joints_[j];
   const double speed = std::abs(velocity);
-  const bool lies = !kLiesAreFound && lies_now();  // of any: its drive may lose its power, and what hangs on it sags
+  const bool lies = lies_now();  // of any: its drive may lose its power, and what hangs on it sags
   const bool is_shoved = world_.shoved_at(j) >= now - milliseconds(2);
   if (!world_.is_well(j) || !world_.is_prompt() || lies || is_shoved) watched.ill_at = now;
   if (world_.handled_at(j) >= now - milliseconds(2)) watched.touched_at = now;
@@ -231,8 +231,7 @@ void Oracles::step() {
     watch_unheard(j, speed);
     watch_rest(j, speed);
     if (!world_.obeys(j) || !world_.is_prompt() || world_.unheard_since(j).is_set() ||
-        world_.shoved_at(j) >= world_.now() - milliseconds(2) ||
-        (!kLiesAreFound && world_.lied_at(j) >= world_.now() - milliseconds(2)) ||
+        world_.shoved_at(j) >= world_.now() - milliseconds(2) || world_.lied_at(j) >= world_.now() - milliseconds(2) ||
         joints_[j].touched_at == world_.now())
       joints_[j].disturbed_at = world_.now();
     const Duration undisturbed = world_.now() - joints_[j].disturbed_at;
@@ -266,7 +265,7 @@ void Oracles::tick(const TickRecord& record) {
   const bool refuses_our_own =
       std::ranges::any_of(record.joints, [](const JointRecord& joint) { return is_bug(joint.feedback.refused); });
   const bool is_bug_of_ours = (header.causes_active & pipeline::bit(Cause::internal_error)) != 0 || refuses_our_own;
-  has_lied_ |= !kLiesAreFound && is_bug_of_ours && lies_now();
+  has_lied_ |= is_bug_of_ours && lies_now();
   if (is_bug_of_ours && !has_lied_) breaks("no_bug", 0, "the executive found an error of its own");
   const bool moves = mode_ == Mode::tracking || mode_ == Mode::degraded || mode_ == Mode::arming;
   unrecorded_ticks_ = moves && !world_.is_recorded() ? unrecorded_ticks_ + 1 : 0;

@@ -41,10 +41,6 @@
 
 namespace takt::exploration {
 
-// Whether motion, and an error of our own, is judged while, and shortly after, a joint's feedback lies. The tick
-// believes every lie as yet: true here asks of it that it finds them.
-inline constexpr bool kLiesAreFound = false;
-
 // Whether a joint that a hand lets go of while a policy plays may be no faster than too_fast says. As yet the policy's
 // stiffness throws it with up to the torque limit, as it would push anything: true here asks for more.
 inline constexpr bool kPlayedJointsYieldToHands = false;

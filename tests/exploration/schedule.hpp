@@ -62,8 +62,8 @@ enum class Happening : std::uint8_t {
   says_frozen,       // its feedback lies under fresh stamps: the reading stays, of every other event the position only
   says_jump,         // position 0.3 rad further
   says_wrap,         // position a turn less
-  says_sign,         // motion the other way
-  says_scale,        // half as much motion again
+  says_sign,         // position the other way, of every other event the velocity, too
+  says_scale,        // half as much motion again, likewise
   says_repeated,     // every other reading is the one before
   says_future,       // stamped `length` ahead, at most 1 s
   // Of the candidate, which runs where one of them is drawn:
@@ -97,6 +97,15 @@ struct Event {
   std::size_t index = 0;  // of the joint or bus
   [[nodiscard]] Duration end() const { return at + length; }
 };
+
+// A lie by which a drive's words contradict each other, or what was asked of it; found within kFoundWithin. Of a sign
+// and a scale every other one is of the velocity, too: then drive and tick agree about a motion that is another one.
+inline constexpr Duration kFoundWithin = milliseconds(500);
+constexpr bool shows(const Event& lie) {
+  const bool is_even = lie.length.ns / milliseconds(1).ns % 2 == 0;
+  if (lie.what == Happening::says_repeated) return false;  // of every other reading a little late
+  return (lie.what != Happening::says_sign && lie.what != Happening::says_scale) || is_even;
+}
 
 // Between the second and the last second of `lasting`; between 1 and 8 events.
 std::vector<Event> draw(std::uint64_t seed, std::size_t joints, std::size_t buses, Duration lasting);

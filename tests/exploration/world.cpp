@@ -340,9 +340,8 @@ class World::LyingDriver final : public drivers::JointDriver {
     if (lie.what == Happening::says_jump) said_.q += 0.3F;
     if (lie.what == Happening::says_wrap) said_.q -= 6.2831853F;
     if (lie.what == Happening::says_sign) said_.q = 2 * first_.q - said_.q;
-    if (lie.what == Happening::says_sign) said_.dq = -said_.dq;
     if (lie.what == Happening::says_scale) said_.q += 0.5F * (said_.q - first_.q);
-    if (lie.what == Happening::says_scale) said_.dq *= 1.5F;
+    if (!shows(lie)) said_.dq *= lie.what == Happening::says_sign ? -1.0F : 1.5F;
     if (lie.what == Happening::says_repeated && said_.replies % 2 != 0) {
       said_.q = again ? said_before.q : before_.q;
       said_.dq = again ? said_before.dq : before_.dq;
@@ -510,12 +509,12 @@ void World::go_to(MonoTime until) {
   }
 }
 
-// A stamp from the future is believed until that is there.
+// One that shows is found within kFoundWithin.
 void World::note_lies() {
   for (const Event& event : events_) {
     if (!is_lie(event.what) || plant_at_ < kStart + event.at) continue;
-    const Duration after = event.what == Happening::says_future ? std::min(event.length, seconds(1)) : Duration{};
-    if (plant_at_ < kStart + event.end() + after) lied_at_[event.index] = plant_at_;
+    const MonoTime until = kStart + (shows(event) ? event.at + std::min(event.length, kFoundWithin) : event.end());
+    if (plant_at_ < until) lied_at_[event.index] = plant_at_;
   }
 }
 

@@ -97,7 +97,7 @@ class World {
   [[nodiscard]] MonoTime shoved_at(std::size_t joint) const { return shoved_at_[joint]; }
   // When a hand held or pulled it last; unset: never.
   [[nodiscard]] MonoTime handled_at(std::size_t joint) const { return handled_at_[joint]; }
-  // When its feedback lied last; unset: never.
+  // Newest instant at which its feedback lied and had not to be found yet.
   [[nodiscard]] MonoTime lied_at(std::size_t joint) const { return lied_at_[joint]; }
   // Nothing is wrong with what it hears and does, nor with its bus; hands, shoves and lies are another matter.
   [[nodiscard]] bool is_well(std::size_t joint) const;
