@@ -75,8 +75,6 @@ class Fields {
   virtual void flag(const Key& key, bool& value) = 0;
   virtual void identifier(const Key& key, std::string& value) = 0;  // letters, digits, _ and -, begins with a letter
   virtual void text(const Key& key, std::string& value) = 0;        // one line, not empty
-  // Likewise; its default is not written out, so that files from before this key keep their hash.
-  virtual void newer_text(const Key& key, std::string& value) { text(key, value); }
   // One of `words`; `none_word` non-empty: it may also say that word, which empties the value.
   virtual void one_of(const Key& key, std::string& value, Words words, std::string_view what,
                       std::string_view none_word = {}) = 0;

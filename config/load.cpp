@@ -17,7 +17,7 @@ namespace {
 
 // Every process must agree on the robot, wherever its file lies: paths enter the hash as written.
 void seal(RobotConfig& robot) {
-  Writer writer;
+  Writer writer(Defaults::left_out);
   describe(writer, robot);
   robot.resolved = writer.result();
   robot.sha256 = sha256_hex(robot.resolved);
@@ -98,9 +98,21 @@ std::expected<RobotConfig, std::string> parse(std::string_view text, const std::
   return robot_of(std::move(root), name_for_messages, problems);
 }
 
+std::string with_every_default(const RobotConfig& robot) {
+  Problems none(robot.file);
+  Places places;
+  const Node root = read_document(robot.resolved, Tags::refuse, none);
+  RobotConfig as_written;  // paths too
+  Reader reader(root, "", none, places);
+  describe(reader, as_written);
+  Writer writer(Defaults::written_out);
+  describe(writer, as_written);
+  return writer.result();
+}
+
 std::expected<RobotConfig, std::string> with_overrides(const RobotConfig& robot, std::span<const Override> overrides) {
   Problems problems(robot.file);
-  Node root = read_document(robot.resolved, Tags::refuse, problems);
+  Node root = read_document(with_every_default(robot), Tags::refuse, problems);
   forget_places(root);
   for (const Override& one : overrides) {
     Node* const node = find_by_path(root, one.key);

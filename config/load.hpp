@@ -18,6 +18,9 @@ inline constexpr int kExitBadConfiguration = 65;
 std::expected<RobotConfig, std::string> load(const std::string& path);
 std::expected<RobotConfig, std::string> parse(std::string_view text, const std::string& name_for_messages);
 
+// The robot's canonical text (RobotConfig::resolved) with every default written out: the same robot, and the same hash.
+std::string with_every_default(const RobotConfig& robot);
+
 // One key of a robot file said otherwise: its dotted path ("freshness.max_age") and its value, as one would write it.
 struct Override {
   std::string key, value;

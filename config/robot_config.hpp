@@ -533,7 +533,7 @@ struct RobotConfig {
   std::optional<Prometheus> prometheus;  // absent: no port is opened
   std::optional<Otlp> otlp;              // absent: nothing is exported
   std::optional<Simulation> simulation;
-  std::string resolved;    // canonical YAML text, every default written out
+  std::string resolved;    // canonical YAML text: what differs from the defaults, and their revision
   std::string sha256;      // of `resolved`, hex
   std::uint64_t hash = 0;  // first 8 bytes of it, big-endian
 };

@@ -8,6 +8,12 @@ void describe(Fields& fields, RobotConfig& robot) {
   constexpr std::array kSchemas{kSchemaName};
   std::string schema(kSchemaName);
   fields.one_of({"schema", "format of this file"}, schema, kSchemas, "schema");
+  std::int64_t revision = kDefaultsRevision;
+  fields.whole({.name = "defaults_revision",
+                .doc = "which revision of the defaults the keys have that this file leaves out",
+                .otherwise = "the newest",
+                .prefilled = true},
+               revision, kDefaultsRevision, kDefaultsRevision);
   fields.identifier({"robot", "name of the robot, and of its runtime directory"}, robot.robot);
   describe_timing(fields, robot);
   describe_machine(fields, robot);

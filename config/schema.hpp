@@ -7,6 +7,9 @@
 namespace takt::config {
 
 inline constexpr std::string_view kSchemaName = "takt.robot/1";
+// Canonical texts leave defaults out and name this instead: where one changes, every robot's hash does. A new key with
+// a default changes none.
+inline constexpr std::int64_t kDefaultsRevision = 1;
 
 // Walks every key of `robot`: a reader fills it, a writer prints it, the key table lists it.
 void describe(Fields& fields, RobotConfig& robot);

@@ -73,7 +73,7 @@ void describe_sensor(Fields& fields, Sensor& sensor) {
     fields.integer({"values", "numbers per sample; none for an image"}, sensor.values, 1, kMaxSensorValues);
   fields.duration({"timeout", "a sample older than this is not used"}, sensor.timeout, milliseconds(1), seconds(60));
   fields.text({"unit", "of its values; whoever publishes another is refused", "unstated"}, sensor.unit);
-  fields.newer_text(
+  fields.text(
       {"frame",
        "what its values are expressed in: base, world, a body's name; where a policy's exporter says one, it must be "
        "that",

@@ -1,7 +1,9 @@
-// Canonical YAML of a configuration structure: every key written out (but newer_text at its default), base units,
-// shortest numbers that read back equal.
+// Canonical YAML of a configuration structure: base units, shortest numbers that read back equal; and of the keys that
+// have a default either all, or those that say something else. A key whose default is something of the robot's own
+// (its drive's model) is always written.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -9,8 +11,11 @@
 
 namespace takt::config {
 
+enum class Defaults : std::uint8_t { written_out, left_out };
+
 class Writer final : public Fields {
  public:
+  explicit Writer(Defaults defaults) : defaults_(defaults) {}
   [[nodiscard]] const std::string& result() const { return out_; }
 
   void quantity(const Key& key, double& value, Dimension dimension, Range range) override;
@@ -20,7 +25,6 @@ class Writer final : public Fields {
   void flag(const Key& key, bool& value) override;
   void identifier(const Key& key, std::string& value) override;
   void text(const Key& key, std::string& value) override;
-  void newer_text(const Key& key, std::string& value) override;
   void one_of(const Key& key, std::string& value, Words words, std::string_view what,
               std::string_view none_word) override;
   void quantities(const Key& key, std::vector<double>& values, Dimension dimension, Range range, Count count) override;
@@ -38,6 +42,12 @@ class Writer final : public Fields {
 
  private:
   void line(std::string_view key, std::string_view value);
+  // `read` reads the key into a value of this type. True: that would be the same without the key.
+  template <class Value, class Read>
+  [[nodiscard]] bool leaves_out(const Key& key, const Value& value, Read read) const;
+  // Of a section or a list that holds nothing.
+  [[nodiscard]] bool leaves_out_empty(const Key& key) const;
+  Defaults defaults_;
   std::string out_;
   std::size_t depth_ = 0;
   bool dash_ = false;  // the next line begins a list entry

@@ -96,10 +96,11 @@ int check(const ConfigOptions& options) {
 int show(const ConfigOptions& options) {
   const auto robot = config::load(options.file);
   if (!robot) return refuse_file(robot.error(), options.json);
+  const std::string text = config::with_every_default(*robot);
   if (options.json)
-    fmt::print("{}\n", nlohmann::json{{"sha256", robot->sha256}, {"resolved", robot->resolved}}.dump());
+    fmt::print("{}\n", nlohmann::json{{"sha256", robot->sha256}, {"resolved", text}}.dump());
   else
-    fmt::print("{}", robot->resolved);
+    fmt::print("{}", text);
   return kExitOk;
 }
 

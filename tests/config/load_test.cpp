@@ -11,11 +11,15 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <numbers>
 
 #include "config/document.hpp"
 #include "config/drive_presets.hpp"
 #include "config/hash.hpp"
 #include "config/key_table.hpp"
+#include "config/migrations.hpp"
+#include "config/schema.hpp"
+#include "config/writer.hpp"
 #include "tests/config/refusals.hpp"
 #include "tests/config/small_robot.hpp"
 
@@ -342,6 +346,70 @@ TEST(Resolved, ReadsBackToTheSameHash) {
     EXPECT_EQ(again->hash, robot->hash);
     EXPECT_EQ(again->sha256, robot->sha256);
   }
+}
+
+// Whether a key that has a default is written out or left out: the same robot. Method: every robot file of ours with
+// every default written out.
+TEST(Resolved, ADefaultWrittenOutChangesNoHash) {
+  std::size_t robots = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("config")) {
+    if (entry.path().extension() != ".yaml" || entry.path().stem() == "devices") continue;
+    const auto robot = load(entry.path().string());
+    ASSERT_TRUE(robot.has_value()) << robot.error();
+    const std::string full = with_every_default(*robot);
+    EXPECT_GT(full.size(), robot->resolved.size());
+    const auto again = parse(full, entry.path().string());
+    ASSERT_TRUE(again.has_value()) << again.error();
+    EXPECT_EQ(again->resolved, robot->resolved);
+    EXPECT_EQ(again->sha256, robot->sha256);
+    ++robots;
+  }
+  EXPECT_GE(robots, 8U);
+}
+
+// Goal: a robot keeps its hash when Takt gets a key. Method: a description, and the same with three more keys.
+TEST(Resolved, ANewKeyWithADefaultChangesNoText) {
+  const auto text_of = [](bool has_new_keys, double value, bool flag) {
+    Writer writer(Defaults::left_out);
+    writer.section({"limits", ""}, [&](Fields& f) {
+      double torque = 5;
+      f.quantity({"torque", ""}, torque, Dimension::torque, any_value());
+      if (!has_new_keys) return;
+      f.quantity({"margin", "", "10 deg"}, value, Dimension::angle, any_value());
+      f.flag({"hard", "", "false"}, flag);
+      f.section({"more", "", "{}"}, [&](Fields& more) { more.flag({"hard", "", "false"}, flag); });
+    });
+    return writer.result();
+  };
+  const double ten_degrees = 10 * std::numbers::pi / 180;
+  EXPECT_EQ(text_of(false, 0, false), "limits:\n  torque: 5 Nm\n");
+  EXPECT_EQ(text_of(true, ten_degrees, false), text_of(false, 0, false));
+  EXPECT_NE(text_of(true, 1, false), text_of(false, 0, false));
+  EXPECT_EQ(text_of(true, ten_degrees, true), "limits:\n  torque: 5 Nm\n  hard: true\n  more:\n    hard: true\n");
+}
+
+// Goal: no change of this house changes a robot's hash unseen. Where a default changes, or what a text looks like,
+// raise kDefaultsRevision, say so in CHANGELOG.md under BREAKING, and put the new hash here.
+TEST(Resolved, TheHashOfARobotStays) {
+  EXPECT_EQ(parse(kSmallRobot, "r").value().sha256, "979fdd47302853a67965856b6fffbb816ce9b7aea049d409dbf80e4ca0ad77df");
+}
+
+// Goal: a text that leaves a default out means the same in every later version. Method: the defaults of revision 1, of
+// which each still stands in the table of keys, or its key is gone and config/migrations says so.
+TEST(Resolved, TheDefaultsOfARevisionStay) {
+  std::ifstream file(fmt::format("tests/config/defaults_{}.txt", kDefaultsRevision));
+  const std::string table = key_table();
+  std::size_t lines = 0;
+  for (std::string line; std::getline(file, line); ++lines) {
+    const std::size_t tab = line.find('\t');
+    const std::string key = line.substr(0, tab);
+    const std::string begin = "\n| `" + key + "` |", otherwise = "| `" + line.substr(tab + 1) + "` |";
+    bool is_there = migration_of(key) != nullptr;
+    for (std::size_t row = table.find(begin); row != std::string::npos; row = table.find(begin, row + 1))
+      is_there |= table.substr(row + 1, table.find('\n', row + 1) - row).contains(otherwise);
+    EXPECT_TRUE(is_there) << key << " has not the default " << line.substr(tab + 1) << " any more";
+  }
+  EXPECT_GE(lines, 150U);
 }
 
 RC_GTEST_PROP(Resolved, ReadsBackToTheSameHashWhateverTheNumbers, ()) {
