@@ -8,6 +8,7 @@
 #include "config/document.hpp"
 #include "config/hash.hpp"
 #include "config/joint_defaults.hpp"
+#include "config/migrations.hpp"
 #include "config/reader.hpp"
 #include "config/schema.hpp"
 #include "config/writer.hpp"
@@ -89,13 +90,27 @@ Node* find_by_path(Node& root, std::string_view path) {
 
 }  // namespace
 
-std::expected<RobotConfig, std::string> parse(std::string_view text, const std::string& name_for_messages) {
+namespace {
+
+std::expected<RobotConfig, std::string> parsed(std::string_view text, const std::string& name_for_messages,
+                                               bool is_recorded) {
   Problems problems(name_for_messages);
   Node root = read_document(text, Tags::refuse, problems);
+  if (is_recorded) migrate_recorded(root);
   if (problems.empty() && root.kind != Node::Kind::map)
     problems.add(root.place, "holds no robot; begin with `schema: takt.robot/1`");
   if (!problems.empty()) return std::unexpected(problems.text());
   return robot_of(std::move(root), name_for_messages, problems);
+}
+
+}  // namespace
+
+std::expected<RobotConfig, std::string> parse(std::string_view text, const std::string& name_for_messages) {
+  return parsed(text, name_for_messages, false);
+}
+
+std::expected<RobotConfig, std::string> parse_recorded(std::string_view text, const std::string& name_for_messages) {
+  return parsed(text, name_for_messages, true);
 }
 
 std::string with_every_default(const RobotConfig& robot) {

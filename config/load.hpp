@@ -17,6 +17,8 @@ inline constexpr int kExitBadConfiguration = 65;
 // All problems found, one per line, in file order.
 std::expected<RobotConfig, std::string> load(const std::string& path);
 std::expected<RobotConfig, std::string> parse(std::string_view text, const std::string& name_for_messages);
+// Of a run folder's config.yaml, which an earlier version may have written: its keys that are gone are left out.
+std::expected<RobotConfig, std::string> parse_recorded(std::string_view text, const std::string& name_for_messages);
 
 // The robot's canonical text (RobotConfig::resolved) with every default written out: the same robot, and the same hash.
 std::string with_every_default(const RobotConfig& robot);

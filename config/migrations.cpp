@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <string>
+#include <vector>
 
 namespace takt::config {
 namespace {
@@ -13,7 +15,7 @@ constexpr std::array kMigrations{
     Migration{"stops.*.fallback", "", "0.2",
               "leave it out: no stop leads the robot to a pose; degraded.fallback does, in degraded mode"},
     Migration{"stops.*.how", "posture", "0.2",
-              "write hold: no stop leads the robot to a pose; degraded.fallback does, in degraded mode"},
+              "write hold: no stop leads the robot to a pose; degraded.fallback does, in degraded mode", "hold"},
 };
 
 // Name by name.
@@ -29,7 +31,21 @@ bool is_like(std::string_view path, std::string_view pattern) {
   }
 }
 
+void migrate(Node& node, const std::string& path) {
+  if (const Migration* const gone = node.kind == Node::Kind::scalar ? migration_of(path, node.text) : nullptr;
+      gone != nullptr && !gone->recorded_as.empty())
+    node.text = gone->recorded_as;
+  for (std::size_t i = 0; i < node.items.size(); ++i) migrate(node.items[i], path + "[" + std::to_string(i) + "]");
+  const std::string below = path.empty() ? "" : path + ".";
+  std::erase_if(node.entries, [&](const Entry& entry) { return migration_of(below + entry.key.text) != nullptr; });
+  for (Entry& entry : node.entries) migrate(entry.value, below + entry.key.text);
+}
+
 }  // namespace
+
+void migrate_recorded(Node& root) {
+  migrate(root, "");
+}
 
 const Migration* migration_of(std::string_view path, std::string_view word) {
   const auto* const found = std::ranges::find_if(

@@ -4,6 +4,8 @@
 
 #include <string_view>
 
+#include "config/document.hpp"
+
 namespace takt::config {
 
 struct Migration {
@@ -11,9 +13,14 @@ struct Migration {
   std::string_view word;   // of a key that is still there: what it took; empty: the key is gone
   std::string_view since;  // the version that does not take it any more
   std::string_view cure;   // "write control.late_share: ..."
+  // What a recorded run's word is read as. A key that is gone is left out of a recorded run's text.
+  std::string_view recorded_as = {};
 };
 
 // Null: no earlier version took it either.
 const Migration* migration_of(std::string_view path, std::string_view word = {});
+
+// What an earlier version recorded, as this one takes it: for looking back only, never for what is to move a robot.
+void migrate_recorded(Node& root);
 
 }  // namespace takt::config

@@ -84,7 +84,8 @@ std::expected<ArtifactManifest, std::string> ArtifactFolder::read_manifest() con
   if (!text) return std::unexpected(fmt::format("{}: is {} an artifact?", text.error(), path_));
   const auto json = parse_strict(*text);
   if (!json) return std::unexpected(fmt::format("{} is {}", manifest(), json.error()));
-  if (json->contains("schema") && json->at("schema") == monitor::kRunSchema)
+  if (json->contains("schema") &&
+      (json->at("schema") == monitor::kRunSchema || json->at("schema") == monitor::kFirstRunSchema))
     return std::unexpected(fmt::format(
         "{} is a run, not the artifact of a panel; compare two runs by takt report {} --against RUN", path_, path_));
   return artifact_manifest_of(*json);

@@ -205,6 +205,10 @@ std::expected<ReplayReport, std::string> replay(const RecordedRun& run, std::uin
                                           },
                                       .loss = {}});
   if (!scanned) return std::unexpected(scanned.error());
+  if (scanned->is_of_other_layout)
+    return std::unexpected(
+        fmt::format("{} cannot be replayed bit for bit: its ticks hold other fields ({}); the version that made it can",
+                    run.folder.path(), whose(run.manifest.executive)));
   ReplayReport report = replayer.take_report();
   report.file = scanned->file;
   report.made_by = made_by_other_sources(run.manifest.executive);

@@ -9,6 +9,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <memory>
 #include <utility>
 
 #include "monitor/record/mcap_format.hpp"
@@ -21,8 +22,13 @@ using mcap::Parser;
 
 constexpr std::uint64_t kLargestChunk = 256U << 20U;  // uncompressed bytes; a lying header must not exhaust memory
 
+struct Schema {
+  std::string name, text;
+};
+
 struct Channel {
-  std::string topic, schema_name;
+  std::string topic;
+  std::shared_ptr<const Schema> schema;
 };
 
 // Pages of the mapping that were read need no memory any more.
@@ -46,13 +52,18 @@ class Scan {
     switch (opcode) {
       case Opcode::schema: {
         const auto id = parser.get<std::uint16_t>();
-        schemas_[id] = parser.text();
+        auto schema = std::make_shared<Schema>();
+        schema->name = parser.text();
+        (void)parser.text();  // its encoding
+        schema->text = parser.text();
+        schemas_[id] = std::move(schema);
         return parser.ok();
       }
       case Opcode::channel: {
         const auto id = parser.get<std::uint16_t>();
         const auto schema = parser.get<std::uint16_t>();
-        channels_[id] = {parser.text(), schemas_[schema]};
+        const auto found = schemas_.find(schema);
+        channels_[id] = {parser.text(), found == schemas_.end() ? std::make_shared<Schema>() : found->second};
         return parser.ok();
       }
       case Opcode::message:
@@ -105,7 +116,8 @@ class Scan {
     const auto log_time = parser.get<std::uint64_t>();
     (void)parser.get<std::uint64_t>();
     if (!parser.ok() || channel == channels_.end()) return true;
-    return on_message_({channel->second.topic, channel->second.schema_name, log_time, parser.rest()});
+    const Schema& schema = *channel->second.schema;
+    return on_message_({channel->second.topic, schema.name, schema.text, log_time, parser.rest()});
   }
 
   bool chunk(Parser& parser) {
@@ -139,7 +151,7 @@ class Scan {
   }
 
   const std::function<bool(const McapMessage&)>& on_message_;
-  std::map<std::uint16_t, std::string> schemas_;
+  std::map<std::uint16_t, std::shared_ptr<const Schema>> schemas_;
   std::map<std::uint16_t, Channel> channels_;
   bool in_chunk_ = false;
   bool stopped_ = false;

@@ -19,8 +19,8 @@ namespace takt::monitor {
 
 struct McapMessage {
   std::string_view topic;
-  std::string_view schema_name;
-  std::uint64_t log_time = 0;  // ns
+  std::string_view schema_name, schema;  // `schema`: its text; the same object for all messages of a channel
+  std::uint64_t log_time = 0;            // ns
   std::span<const std::byte> data;
 };
 

@@ -2,8 +2,16 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <utility>
+#include <vector>
+
 #include "config/load.hpp"
 #include "monitor/record/bounded_file.hpp"
+#include "monitor/record/message_schema.hpp"
+#include "monitor/record/tick_words.hpp"
 
 namespace takt::monitor {
 
@@ -22,61 +30,148 @@ std::expected<RecordedRun, std::string> open_run(const std::string& directory) {
   if (const auto cards = read_file(run.folder.drives()))
     if (auto json = nlohmann::ordered_json::parse(*cards, nullptr, false); json.is_object())
       run.manifest.drives = std::move(json);
-  auto robot = config::parse(*text, run.folder.config());
-  if (!robot) return std::unexpected(robot.error());
+  auto robot = config::parse_recorded(*text, run.folder.config());
+  if (!robot) {
+    const std::string first = robot.error().substr(0, robot.error().find('\n'));
+    return std::unexpected(fmt::format("{} ({})", first, whose(run.manifest.executive)));
+  }
   run.robot = std::move(*robot);
   return run;
 }
 
 namespace {
 
-// Hands one message on; false when it is not what its topic says.
-bool visit(const McapMessage& message, const RunVisitor& visitor, RecordedTick& tick) {
-  if (message.topic == topic_name(Topic::tick)) {
-    if (!visitor.tick) return true;
-    if (!decode_tick(message.data, tick)) return false;
-    visitor.tick(tick);
-  } else if (message.topic == topic_name(Topic::command)) {
-    if (!visitor.command) return true;
-    RecordedCommand command;
-    if (!decode_command(message.data, command)) return false;
-    visitor.command(command);
-  } else if (message.topic == topic_name(Topic::keyframe)) {
-    if (!visitor.keyframe) return true;
-    RecordedKeyframe keyframe;
-    if (!decode_keyframe(message.data, keyframe)) return false;
-    visitor.keyframe(keyframe);
-  } else if (message.topic == topic_name(Topic::loss)) {
-    if (!visitor.loss) return true;
-    Loss loss;
-    if (!decode_loss(message.data, loss)) return false;
-    visitor.loss(loss);
-  } else if (message.topic == topic_name(Topic::policy_input)) {
-    if (!visitor.policy_input) return true;
-    RecordedPolicyInput input;
-    if (!decode_policy_input(message.data, input)) return false;
-    visitor.policy_input(input);
-  } else if (message.topic == topic_name(Topic::image)) {
-    if (!visitor.image) return true;
-    ShownImage image;
-    if (!decode_image(message.data, image)) return false;
-    visitor.image(image);
+constexpr std::array kRead{Topic::tick, Topic::command,      Topic::keyframe,
+                           Topic::loss, Topic::policy_input, Topic::image};
+
+class Scan {
+ public:
+  explicit Scan(const RunVisitor& visitor) : visitor_(visitor) {
+    for (const McapTopic& topic : run_topics())
+      for (const Topic one : kRead)
+        if (topic.topic == topic_name(one)) topics_.push_back({.topic = one, .wanted = topic});
   }
-  return true;
-}
+  ScanReport report;
+  std::string refusal;
+
+  // False: the rest cannot be read either.
+  bool message(const McapMessage& message) {
+    const auto found =
+        std::ranges::find(topics_, message.topic, [](const Reading& one) { return topic_name(one.topic); });
+    if (found == topics_.end() || !is_wanted(found->topic)) return true;
+    Reading& reading = *found;
+    if (reading.schema.data() != message.schema.data() && !describe(reading, message)) return false;
+    const auto data = reading.relayout->is_needed() ? (*reading.relayout)(message.data) : message.data;
+    if (!hand_on(reading, data)) ++report.undecodable;
+    return refusal.empty();
+  }
+
+  void finish(std::uint64_t recorded) {
+    if (refusal.empty() && ticks_ == 0 && unread_ticks_ != 0 && recorded != 0)
+      refusal = fmt::format("has {} messages of {}, and none is a tick", unread_ticks_, topic_name(Topic::tick));
+  }
+
+ private:
+  struct Reading {
+    Topic topic;
+    McapTopic wanted;
+    std::string_view schema{};  // that `relayout` is of
+    std::optional<Relayout> relayout{};
+  };
+
+  [[nodiscard]] bool is_wanted(Topic topic) const {
+    return (topic == Topic::tick && visitor_.tick) || (topic == Topic::command && visitor_.command) ||
+           (topic == Topic::keyframe && visitor_.keyframe) || (topic == Topic::loss && visitor_.loss) ||
+           (topic == Topic::policy_input && visitor_.policy_input) || (topic == Topic::image && visitor_.image);
+  }
+
+  bool describe(Reading& reading, const McapMessage& message) {
+    auto recorded = message_schema_of(message.schema);
+    auto wanted = message_schema_of(reading.wanted.schema);
+    if (!recorded) return refuse(reading, recorded.error());
+    if (reading.topic == Topic::tick) {
+      for (const std::string_view needed : {"now", "mode", "joint_count", "bus_count"})
+        if (std::ranges::find(recorded->fields, needed, &MessageField::name) == recorded->fields.end())
+          return refuse(reading, fmt::format("lacks `{}`", needed));
+      words_.emplace(*recorded);
+      report.is_of_other_layout |= words_->differ();
+    }
+    auto relayout = Relayout::make(std::move(*recorded), std::move(wanted.value()));
+    if (!relayout) return refuse(reading, relayout.error());
+    reading.relayout = std::move(*relayout);
+    reading.schema = message.schema;
+    report.is_of_other_layout |= reading.topic == Topic::tick && reading.relayout->is_needed();
+    return true;
+  }
+
+  bool refuse(const Reading& reading, const std::string& why) {
+    refusal = fmt::format("{} {}", topic_name(reading.topic), why);
+    return false;
+  }
+
+  bool tick(const Reading& reading, std::span<const std::byte> data) {
+    if (!decode_tick(data, tick_)) {
+      ++unread_ticks_;
+      return false;
+    }
+    ++ticks_;
+    if (words_->differ())
+      if (const auto done = words_->translate(tick_.record); !done)
+        return refuse(reading, fmt::format("has {} in tick {}, which this version does not know", done.error(),
+                                           tick_.record.header.tick));
+    // It was made of bytes that lay otherwise.
+    if (report.is_of_other_layout) tick_.crc = crc_of(tick_.record);
+    visitor_.tick(tick_);
+    return true;
+  }
+
+  // False: the message is not what its topic says.
+  bool hand_on(const Reading& reading, std::span<const std::byte> data) {
+    const auto decoded = [&](auto message, auto decode, const auto& visit) {
+      if (!decode(data, message)) return false;
+      visit(message);
+      return true;
+    };
+    switch (reading.topic) {
+      case Topic::tick:
+        return tick(reading, data);
+      case Topic::command:
+        return decoded(RecordedCommand{}, decode_command, visitor_.command);
+      case Topic::keyframe:
+        return decoded(RecordedKeyframe{}, decode_keyframe, visitor_.keyframe);
+      case Topic::loss:
+        return decoded(Loss{}, decode_loss, visitor_.loss);
+      case Topic::policy_input:
+        return decoded(RecordedPolicyInput{}, decode_policy_input, visitor_.policy_input);
+      case Topic::image:
+        return decoded(ShownImage{}, decode_image, visitor_.image);
+      case Topic::transition:
+      case Topic::joint_states:
+      case Topic::diagnostics:
+      case Topic::log:
+        break;
+    }
+    return true;
+  }
+
+  const RunVisitor& visitor_;
+  std::vector<Reading> topics_;
+  std::optional<TickWords> words_;
+  RecordedTick tick_;
+  std::uint64_t ticks_ = 0, unread_ticks_ = 0;
+};
 
 }  // namespace
 
 std::expected<ScanReport, std::string> scan_run(const RecordedRun& run, const RunVisitor& visitor) {
   const auto reader = McapReader::open(run.folder.ticks());
   if (!reader) return std::unexpected(reader.error());
-  ScanReport report;
-  RecordedTick tick;
-  report.file = reader->scan([&](const McapMessage& message) {
-    if (!visit(message, visitor, tick)) ++report.undecodable;
-    return true;
-  });
-  return report;
+  Scan scan(visitor);
+  scan.report.file = reader->scan([&](const McapMessage& message) { return scan.message(message); });
+  scan.finish(run.manifest.ticks);
+  if (!scan.refusal.empty())
+    return std::unexpected(fmt::format("{}: {} ({})", run.folder.ticks(), scan.refusal, whose(run.manifest.executive)));
+  return scan.report;
 }
 
 }  // namespace takt::monitor

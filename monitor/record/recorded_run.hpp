@@ -43,7 +43,11 @@ struct RunVisitor {
 struct ScanReport {
   McapReport file;
   std::uint64_t undecodable = 0;  // messages of a known topic that are not what they should be
+  // The ticks were laid out otherwise than this version lays them out: what the run lacks is zero, and no checksum of a
+  // tick could be compared.
+  bool is_of_other_layout = false;
 };
+// Each message is read by its own description in the file. The error also says by which version it was made.
 std::expected<ScanReport, std::string> scan_run(const RecordedRun& run, const RunVisitor& visitor);
 
 }  // namespace takt::monitor

@@ -7,6 +7,8 @@
 
 #include <fstream>
 
+#include "config/printable.hpp"
+#include "executive/contract/version.hpp"
 #include "monitor/record/json_error.hpp"
 
 namespace takt::monitor {
@@ -35,6 +37,12 @@ std::string text_of(const Json& json) {
 // What the executive says of a policy that it admits: empty, or a hash of 64 bits in hex digits.
 std::string admitted_hash(const Json& executive, const char* key) {
   return executive.is_object() && executive.contains(key) ? executive.at(key).get<std::string>() : std::string();
+}
+
+Json facts_in(const Json& manifest) {
+  const auto executive = manifest.find("executive");
+  if (executive == manifest.end() || !executive->is_object()) return nullptr;
+  return executive->value("facts", Json(nullptr));
 }
 
 bool are_hex_digits(std::string_view text) {
@@ -129,10 +137,19 @@ Json to_json(const RunManifest& manifest) {
   return json;
 }
 
+std::string whose(const Json& executive) {
+  std::string version;
+  if (executive.is_object() && executive.contains("version") && executive.at("version").is_string())
+    version = config::printable(executive.at("version").get<std::string>());
+  return fmt::format("made by takt {}; this is takt {}", version.empty() ? "of an unknown version" : version,
+                     takt::version());
+}
+
 std::expected<RunManifest, std::string> manifest_of(const Json& json) {
   try {
-    if (const std::string schema = json.at("schema"); schema != kRunSchema) {
-      return std::unexpected(fmt::format("has schema {}, this version reads {}", schema, kRunSchema));
+    if (const std::string schema = json.at("schema"); schema != kRunSchema && schema != kFirstRunSchema) {
+      return std::unexpected(fmt::format("has the format {}, and {} and {} are read: {}", config::printable(schema),
+                                         kFirstRunSchema, kRunSchema, whose(facts_in(json))));
     }
     RunManifest manifest;
     json.at("run_id").get_to(manifest.run_id);

@@ -16,7 +16,9 @@
 
 namespace takt::monitor {
 
-inline constexpr const char* kRunSchema = "takt.run/1";
+inline constexpr const char* kRunSchema = "takt.run/2";
+// Also read: its config.yaml has every default written out.
+inline constexpr const char* kFirstRunSchema = "takt.run/1";
 inline constexpr const char* kDrivesSchema = "takt.drives/1";
 
 struct ClockOffset {
@@ -53,6 +55,8 @@ struct RunManifest {
 inline constexpr std::size_t kListedLosses = 100;
 
 nlohmann::ordered_json to_json(const RunManifest& manifest);
+// "made by takt 0.1.0; this is takt 0.2.0+git900.0123456789ab": for what cannot be read.
+std::string whose(const nlohmann::ordered_json& executive);
 // One sentence when a field is missing or of another type.
 std::expected<RunManifest, std::string> manifest_of(const nlohmann::ordered_json& json);
 

@@ -189,7 +189,8 @@ bool decode_command(std::span<const std::byte> message, RecordedCommand& out) {
   out.whole_crc = reader.get<std::uint32_t>();
   out.sender = static_cast<Player>(reader.get<std::uint8_t>());
   out.cut_from = byte_count > out.payload.size() ? static_cast<std::uint32_t>(byte_count) : 0;
-  if (out.sender == Player::none || static_cast<std::size_t>(out.sender) >= kPlayerCount) return false;
+  if (out.sender == Player::none) out.sender = Player::policy;  // of a run in which there was no other
+  if (static_cast<std::size_t>(out.sender) >= kPlayerCount) return false;
   if (!reader.ok() || (out.cut_from != 0 && out.payload.size() != sizeof(CommandHeader))) return false;
   if (out.cut_from == 0) out.payload.resize(byte_count);
   return true;

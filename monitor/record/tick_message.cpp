@@ -65,7 +65,9 @@ void put_columns(CdrWriter& out, const std::byte* rows, std::size_t row_size, st
 bool get_columns(CdrReader& in, std::byte* rows, std::size_t row_size, std::size_t row_count,
                  std::span<const TickField> fields) {
   for (const TickField& field : fields) {
-    if (in.get_count(row_count) != row_count) return false;
+    const std::size_t count = in.get_count(row_count);
+    if (count == 0) continue;  // of a run that has not this field (message_schema.hpp)
+    if (count != row_count) return false;
     in.get_column(rows + field.offset, row_size, size_of(field.type), row_count);
   }
   return in.ok();
