@@ -1,8 +1,8 @@
 # The Debian packages: what they hold beside programs, units and exported libraries, and how CPack makes them (`./dev
 # package`). `takt` is what a robot PC runs; `takt-engine-torchscript` adds TorchScript; `takt-dev` builds policies, worlds and engines in C; `python3-takt` is for policies in Python.
 
-# The demo robot, ready to start: a folder that /etc/takt/robot points to until `takt deploy` points it elsewhere. Its buses
-# have names that no adapter has: a simulated robot must never meet real drives.
+# The demo robot, ready to start: what /etc/takt/deployments/demo points to, and /etc/takt/robot at first. It is no file of
+# the owner's, so that no upgrade asks about it. Its buses have names that no adapter has: a simulated robot must never meet real drives.
 function(takt_demo_robot out)
   file(READ ${CMAKE_SOURCE_DIR}/config/arm6.yaml text)
   foreach(change "cpu: 1 =>cpu: none" "interface: can=>interface: demo" "file: arm6_reach.onnx =>file: /usr/share/takt/robots/arm6_reach.onnx"
@@ -24,11 +24,24 @@ endfunction()
 set(share ${CMAKE_BINARY_DIR}/share)
 set(package_files ${CMAKE_SOURCE_DIR}/cmake/package)
 
+# Of the newest commit, so that the same sources give the same package.
+execute_process(COMMAND git log -1 --format=%cD WORKING_DIRECTORY ${CMAKE_SOURCE_DIR} OUTPUT_VARIABLE takt_date
+                OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
+if(NOT takt_date)
+  set(takt_date "Thu, 01 Jan 1970 00:00:00 +0000")
+endif()
+
 # Manual pages and shell completion, out of the programs themselves. Not part of `all`: only the package wants them.
 add_custom_target(takt-manual
   COMMAND ${package_files}/manual.py $<TARGET_FILE_DIR:takt> ${PROJECT_VERSION} ${share}
   DEPENDS takt takt-executive takt-policy-host takt-plant takt-monitor takt-imu takt-ros-sensors takt-policy-bridge takt-policy-server
   COMMENT "Manual pages and shell completion")
+# What is in the programs, by the programs and this machine's packages.
+add_custom_command(TARGET takt-manual POST_BUILD VERBATIM
+  COMMAND ${package_files}/sbom.py ${PROJECT_VERSION} ${takt_date} ${share}/takt.spdx.json $<TARGET_FILE_DIR:takt>
+  COMMAND ${CMAKE_COMMAND} -E make_directory ${CMAKE_BINARY_DIR}/package-check
+  COMMAND ${CMAKE_STRIP} -o ${CMAKE_BINARY_DIR}/package-check/check-robot $<TARGET_FILE:takt-check-robot>)
+add_dependencies(takt-manual takt-check-robot)
 # Whoever packs asks for this target alone: all that is packed comes with it.
 get_property(installed GLOBAL PROPERTY TAKT_INSTALLED)
 add_dependencies(takt-manual ${installed})
@@ -38,19 +51,15 @@ install(DIRECTORY ${share}/man ${share}/bash-completion ${share}/zsh ${share}/fi
 takt_identify(${CMAKE_SOURCE_DIR} ${PROJECT_VERSION})
 set(CPACK_PACKAGE_VERSION ${takt_version})
 
-# Debian wants its own changelog, dated: by the newest commit, so that the same sources give the same package.
-execute_process(COMMAND git log -1 --format=%cD WORKING_DIRECTORY ${CMAKE_SOURCE_DIR} OUTPUT_VARIABLE takt_date
-                OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
-if(NOT takt_date)
-  set(takt_date "Thu, 01 Jan 1970 00:00:00 +0000")
-endif()
+# Debian wants its own changelog, dated.
 set(CPACK_DEBIAN_PACKAGE_MAINTAINER "Takt maintainers <takt@example.org>")
 configure_file(${package_files}/changelog.in ${share}/doc/changelog.Debian @ONLY)
 file(COPY_FILE ${CMAKE_SOURCE_DIR}/CHANGELOG.md ${share}/doc/changelog)
 execute_process(COMMAND gzip -9nf changelog.Debian changelog WORKING_DIRECTORY ${share}/doc)
 
 set(docs ${CMAKE_INSTALL_DATADIR}/doc/takt)
-install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${package_files}/copyright README.md DESTINATION ${docs})
+install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${package_files}/copyright README.md SECURITY.md DESTINATION ${docs})
+install(FILES ${share}/takt.spdx.json DESTINATION ${docs} OPTIONAL)
 install(DIRECTORY docs DESTINATION ${docs} FILES_MATCHING PATTERN "*.md" PATTERN "*.svg" PATTERN "*.xml" PATTERN examples EXCLUDE)
 install(DIRECTORY drivers/dbc DESTINATION ${CMAKE_INSTALL_DATADIR}/takt)
 install(DIRECTORY config/ DESTINATION ${CMAKE_INSTALL_DATADIR}/takt/robots
@@ -58,7 +67,8 @@ install(DIRECTORY config/ DESTINATION ${CMAKE_INSTALL_DATADIR}/takt/robots
         PATTERN grafana EXCLUDE PATTERN prometheus EXCLUDE PATTERN drives EXCLUDE)
 
 takt_demo_robot(${CMAKE_BINARY_DIR}/demo)
-install(DIRECTORY ${CMAKE_BINARY_DIR}/demo DESTINATION /etc/takt/deployments)
+install(DIRECTORY ${CMAKE_BINARY_DIR}/demo DESTINATION ${CMAKE_INSTALL_DATADIR}/takt)
+install(FILES ${package_files}/needrestart.conf DESTINATION /etc/needrestart/conf.d RENAME takt.conf)
 
 set(dev_docs ${CMAKE_INSTALL_DATADIR}/doc/takt-dev)
 install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${package_files}/copyright
@@ -93,7 +103,7 @@ set(CPACK_DEBIAN_RUNTIME_PACKAGE_RECOMMENDS "linux-image-rt-amd64 | linux-image-
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "can-utils, lttng-tools, babeltrace2")
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_EXTRA ${package_files}/preinst ${package_files}/postinst ${package_files}/prerm ${package_files}/postrm
-    ${package_files}/conffiles ${package_files}/triggers)
+    ${package_files}/conffiles ${package_files}/triggers ${CMAKE_BINARY_DIR}/package-check/check-robot)
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "") # each package has its own
 set(CPACK_DEBIAN_RUNTIME_DESCRIPTION
 "real-time executive for learned robot policies
@@ -110,7 +120,7 @@ started when it is installed.")
 # What is built with it needs nothing of this package; what it talks to has to be of the same build.
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "gcc, libc6-dev")
-set(CPACK_DEBIAN_DEV_PACKAGE_RECOMMENDS "takt (= ${takt_version}-1)")
+set(CPACK_DEBIAN_DEV_PACKAGE_RECOMMENDS "takt (= ${takt_version}-1), pkg-config | pkgconf")
 set(CPACK_DEBIAN_DEV_DESCRIPTION
 "policies, simulators and inference engines of your own for Takt
 Takt runs learned policies on robots in real time. This package holds the

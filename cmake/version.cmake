@@ -3,8 +3,8 @@
 #   include(version)               takt_identify(ROOT RELEASE) sets takt_version and takt_source_sha256
 #   cmake -DROOT=... -DRELEASE=... -DOUT=... -P version.cmake     writes them as a C++ source, if they changed
 #
-# takt_version: 0.1.0+git834.feebbd09a1b2, and .dirty where tracked files differ from the commit. The number counts the
-# commit's ancestors and itself, so that dpkg orders builds. Outside a checkout: 0.1.0+src.45d7c9006040, of the sources' hash.
+# takt_version: 0.2.0+git834.feebbd09a1b2, and .dirty where tracked files differ from the commit. The number counts the
+# commit's ancestors and itself, so that dpkg orders builds. Outside a checkout: 0.2.0+src.45d7c9006040, of the sources' hash.
 
 function(takt_identify root release)
   set(sources)

@@ -4,12 +4,9 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <cstdio>
 
-#include "config/cautions.hpp"
 #include "config/load.hpp"
 #include "drivers/protocol/protocol_table.hpp"
-#include "evidence/judge/attestation.hpp"
 
 namespace takt::cli {
 
@@ -32,17 +29,6 @@ std::expected<CheckedRobot, std::string> check_robot_file(const std::string& pat
   if (!loads) problems += (problems.empty() ? "" : "\n") + loads.error();
   if (!problems.empty()) return std::unexpected(problems);
   return CheckedRobot{std::move(*robot), std::move(*loads)};
-}
-
-std::vector<std::string> cautions_of(const config::RobotConfig& robot) {
-  std::vector<std::string> lines = config::cautions_about(robot);
-  const panel::Standing standing = panel::standing_of(robot);
-  lines.insert(lines.end(), standing.not_shown.begin(), standing.not_shown.end());
-  return lines;
-}
-
-void tell_cautions(const config::RobotConfig& robot) {
-  for (const std::string& caution : cautions_of(robot)) fmt::print(stderr, "note: {}\n", caution);
 }
 
 std::string first_problems(const std::string& problems) {

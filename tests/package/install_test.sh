@@ -65,4 +65,9 @@ inside gcc -O2 -shared -fPIC -fvisibility=hidden /usr/share/doc/takt-dev/example
   { cat "$root/tmp/build.log"; fail "the example does not build"; }
 inside sed -i 's|^  file: .*onnx.*|&\n  engine: { name: /tmp/home-pose.so }|' /etc/takt/robot/robot.yaml
 run_demo /tmp/own
+apt install --no-install-recommends pkg-config cmake make
+inside sh -c 'cd /tmp && cc -std=c11 /usr/share/doc/takt-dev/examples/c-policy/sway.c $(pkg-config --cflags --libs takt) -lm -o sway' ||
+  fail "pkg-config's flags build no policy"
+inside sh -c 'cmake -S /usr/share/doc/takt-dev/examples/c-policy -B /tmp/by-cmake && cmake --build /tmp/by-cmake' >"$root/tmp/build.log" 2>&1 ||
+  { cat "$root/tmp/build.log"; fail "TaktConfig.cmake builds no policy"; }
 echo "installed, ran, purged: nothing is left but the run; the example engine of takt-dev was built, and ran"

@@ -1,5 +1,5 @@
 /* A policy in C: every joint at home, the last one sways by 0.2 rad.
- *   cc -std=c11 sway.c -ltakt-client -lm -o sway
+ *   cc -std=c11 sway.c $(pkg-config --cflags --libs takt) -lm -o sway
  *   takt run robot.yaml --policy-host ./sway --arm
  */
 #include <math.h>

@@ -1,0 +1,18 @@
+// Whether this version takes a robot file, for a package that is not unpacked yet (cmake/package/preinst): check-robot
+// FILE. Exit codes: 0 it does; 64 command line; 65 it does not, and why.
+#include <fmt/format.h>
+
+#include <span>
+
+#include "cli/run/checked_robot.hpp"
+#include "config/load.hpp"
+
+int main(int argc, char** argv) {
+  constexpr int kExitUsage = 64;
+  const std::span arguments(argv, static_cast<std::size_t>(argc));
+  if (arguments.size() != 2) return kExitUsage;
+  const auto checked = takt::cli::check_robot_file(arguments[1]);
+  if (checked) return 0;
+  fmt::print(stderr, "{}\n", takt::cli::first_problems(checked.error()));
+  return takt::config::kExitBadConfiguration;
+}

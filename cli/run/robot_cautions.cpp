@@ -1,0 +1,22 @@
+#include <fmt/format.h>
+
+#include <cstdio>
+
+#include "cli/run/checked_robot.hpp"
+#include "config/cautions.hpp"
+#include "evidence/judge/attestation.hpp"
+
+namespace takt::cli {
+
+std::vector<std::string> cautions_of(const config::RobotConfig& robot) {
+  std::vector<std::string> lines = config::cautions_about(robot);
+  const panel::Standing standing = panel::standing_of(robot);
+  lines.insert(lines.end(), standing.not_shown.begin(), standing.not_shown.end());
+  return lines;
+}
+
+void tell_cautions(const config::RobotConfig& robot) {
+  for (const std::string& caution : cautions_of(robot)) fmt::print(stderr, "note: {}\n", caution);
+}
+
+}  // namespace takt::cli
