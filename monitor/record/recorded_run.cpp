@@ -90,9 +90,12 @@ class Scan {
     auto wanted = message_schema_of(reading.wanted.schema);
     if (!recorded) return refuse(reading, recorded.error());
     if (reading.topic == Topic::tick) {
+      const auto has = [&](std::string_view field) {
+        return std::ranges::find(recorded->fields, field, &MessageField::name) != recorded->fields.end();
+      };
       for (const std::string_view needed : {"now", "mode", "joint_count", "bus_count"})
-        if (std::ranges::find(recorded->fields, needed, &MessageField::name) == recorded->fields.end())
-          return refuse(reading, fmt::format("lacks `{}`", needed));
+        if (!has(needed)) return refuse(reading, fmt::format("lacks `{}`", needed));
+      only_policy_plays_ = !has("player");
       words_.emplace(*recorded);
       report.is_of_other_layout |= words_->differ();
     }
@@ -119,6 +122,9 @@ class Scan {
       if (const auto done = words_->translate(tick_.record); !done)
         return refuse(reading, fmt::format("has {} in tick {}, which this version does not know", done.error(),
                                            tick_.record.header.tick));
+    TickRecordHeader& header = tick_.record.header;
+    if (only_policy_plays_ && header.mode == Mode::tracking && is_usable(header.freshness))
+      header.player = Player::policy;
     // It was made of bytes that lay otherwise.
     if (report.is_of_other_layout) tick_.crc = crc_of(tick_.record);
     visitor_.tick(tick_);
@@ -157,6 +163,7 @@ class Scan {
   const RunVisitor& visitor_;
   std::vector<Reading> topics_;
   std::optional<TickWords> words_;
+  bool only_policy_plays_ = false;  // of a run from before there was a fallback policy
   RecordedTick tick_;
   std::uint64_t ticks_ = 0, unread_ticks_ = 0;
 };

@@ -112,6 +112,20 @@ TEST_F(OtherVersions, FieldsGoByTheirNames) {
               HasSubstr("cannot be replayed bit for bit: its ticks hold other fields (made by takt "));
 }
 
+// Before there was a fallback policy no tick said who plays.
+TEST_F(OtherVersions, WhereOnlyThePolicyPlaysItIsThePolicy) {
+  std::string text = tick_schema();
+  const std::size_t gone = text.find("\nuint8 player ");
+  const auto found = ticks_of(described(text.erase(gone, text.find('\n', gone + 1) - gone)));
+  std::size_t played = 0;
+  for (const auto& [tick, record] : ticks_of(run_))
+    if (record.header.mode == Mode::tracking) {
+      ASSERT_EQ(found.at(tick).header.player, record.header.player) << tick;
+      ++played;
+    }
+  EXPECT_GT(played, 1'000U);
+}
+
 TEST_F(OtherVersions, WordsGoByTheirNames) {
   const RecordedRun other = described(with_moved_causes(tick_schema()), false, [](TickRecord& record) {
     auto& cause = record.header.cause;
