@@ -11,11 +11,11 @@ namespace takt::config {
 // clang-format off
 inline constexpr double kFourPi = 4 * std::numbers::pi;
 inline constexpr std::array kMitPresets{
-    DrivePreset{"AK80-9", 12.5, 50, 18, 500, 5, "neurobionics/TMotorCANControl src/TMotorCANControl/mit_can.py"},
-    DrivePreset{"AK10-9", 12.5, 50, 65, 500, 5, "neurobionics/TMotorCANControl src/TMotorCANControl/mit_can.py"},
+    DrivePreset{"AK80-9", 12.5, kUnsettled, 18, 500, 5, "neurobionics/TMotorCANControl src/TMotorCANControl/mit_can.py; dfki-ric-underactuated-lab/mini-cheetah-tmotor-can README.md, firmware V1.1 says 22.5 rad/s, 18 Nm; dfki-ric-underactuated-lab/mini-cheetah-tmotor-can README.md, firmware V2 says 25.64 rad/s, 18 Nm", "22.5 or 25.64 or 50 rad/s"},
+    DrivePreset{"AK10-9", 12.5, 50, 65, 500, 5, "neurobionics/TMotorCANControl src/TMotorCANControl/mit_can.py; dfki-ric-underactuated-lab/mini-cheetah-tmotor-can README.md, firmware V1.1"},
     DrivePreset{"AK60-6", 12.5, kUnsettled, 15, 500, 5, "neurobionics/TMotorCANControl src/TMotorCANControl/mit_can.py; other public code for AK drives says 45 rad/s", "45 or 50 rad/s"},
     DrivePreset{"AK70-10", 12.5, 50, 25, 500, 5, "neurobionics/TMotorCANControl src/TMotorCANControl/mit_can.py"},
-    DrivePreset{"AK80-6", 12.5, 76, 12, 500, 5, "neurobionics/TMotorCANControl src/TMotorCANControl/mit_can.py"},
+    DrivePreset{"AK80-6", 12.5, kUnsettled, 12, 500, 5, "neurobionics/TMotorCANControl src/TMotorCANControl/mit_can.py; dfki-ric-underactuated-lab/mini-cheetah-tmotor-can README.md, firmware V1.1 says 22.5 rad/s, 12 Nm; dfki-ric-underactuated-lab/mini-cheetah-tmotor-can README.md, firmware V2 says 38.2 rad/s, 12 Nm", "22.5 or 38.2 or 76 rad/s"},
     DrivePreset{"AK80-64", 12.5, 8, 144, 500, 5, "neurobionics/TMotorCANControl src/TMotorCANControl/mit_can.py"},
     DrivePreset{"DM4310", 12.5, 30, 10, 500, 5, "enactic/openarm_can dm_motor_constants.hpp; compared with the drive's registers 21 to 23 before arming"},
     DrivePreset{"DM4340", 12.5, 10, 28, 500, 5, "enactic/openarm_can dm_motor_constants.hpp; compared with the drive's registers 21 to 23 before arming"},

@@ -17,9 +17,9 @@ except ImportError:
     sys.exit(77)
 
 # Published commands of the MIT protocol (bgkatz/motorcontrol's packing p16 v12 kp12 kd12 t12, big-endian): what was
-# asked for, and the bytes. AK80-9 and DM4310.
+# asked for, and the bytes. AK10-9 and DM4310.
 COMMANDS = {
-    "AK80-9": ((1.0, -2.0, 100, 1.5, 3.0), "8a3c7ad3334cc954"),
+    "AK10-9": ((1.0, -2.0, 100, 1.5, 3.0), "8a3c7ad3334cc85e"),
     "DM4310": ((0.5, 1.0, 20, 0.5, -2.0), "851e8430a3199666"),
 }
 # Typed from the papers: velocity rad/s, torque Nm, kp Nm/rad, kd Nm s/rad. RobStride's manuals of RS00 (types 1 and 2),
@@ -36,7 +36,8 @@ PAPERS = {
     "DM8009": (45, 54, 500, 5),
 }
 # Sources disagree: nothing may be chosen.
-CONFLICTS = {"AK60-6": ("velocity_range", "45 or 50 rad/s"), "RS05": ("torque_range", "5.5 or 6 Nm")}
+CONFLICTS = {"AK60-6": ("velocity_range", "45 or 50 rad/s"), "AK80-9": ("velocity_range", "22.5 or 25.64 or 50 rad/s"),
+             "AK80-6": ("velocity_range", "22.5 or 38.2 or 76 rad/s"), "RS05": ("torque_range", "5.5 or 6 Nm")}
 
 SHEET = """model: {model}
 maker: T-Motor

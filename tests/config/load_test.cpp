@@ -205,10 +205,10 @@ TEST(Load, ModelGivesRangesAndExplicitOnesOverrideThem) {
   const Drive& preset = named->joints[0].drive;
   EXPECT_EQ(preset.position_range, 12.5);
   EXPECT_EQ(preset.velocity_range, 50);
-  EXPECT_EQ(preset.torque_range, 18);
+  EXPECT_EQ(preset.torque_range, 65);
   EXPECT_EQ(preset.kp_range, 500);
   EXPECT_EQ(preset.kd_range, 5);
-  const auto overridden = parse(with("model: AK80-9,", "model: AK80-9, torque_range: 17 Nm,"), "r");
+  const auto overridden = parse(with("model: AK10-9,", "model: AK10-9, torque_range: 17 Nm,"), "r");
   ASSERT_TRUE(overridden.has_value());
   EXPECT_EQ(overridden->joints[0].drive.torque_range, 17);
   EXPECT_EQ(overridden->joints[0].drive.velocity_range, 50);
@@ -231,22 +231,22 @@ TEST(Load, RobstridePresetsAreTheManuals) {
   }
 }
 
-// Goal: where sources conflict (AK60-6 45 or 50 rad/s, RS05 5.5 or 6 Nm) the model is no answer, whichever number is
-// thought right; what the file says is. Method: the same robot without and with the range.
+// Goal: where sources conflict (AK60-6 45 or 50 rad/s; AK80-9 and AK80-6 by firmware; RS05 5.5 or 6 Nm) the model is no
+// answer, whichever number is thought right; what the file says is. Method: the same robot without and with the range.
 TEST(Load, ARangeThatSourcesDisagreeAboutMustBeWritten) {
-  const std::string ak = with("model: AK80-9", "model: AK60-6");
+  const std::string ak = with("model: AK10-9", "model: AK60-6");
   const auto refused = parse(ak, "r");
   ASSERT_FALSE(refused.has_value());
   EXPECT_EQ(refused.error(),
             "r:19:12: key `velocity_range` is missing in `joints[0].drive`; add it: sources disagree about AK60-6 (45 "
             "or 50 rad/s), and a wrong range scales every command: write what the drive's own manual says");
-  const auto written = parse(with("model: AK80-9", "model: AK60-6, velocity_range: 45 rad/s"), "r");
+  const auto written = parse(with("model: AK10-9", "model: AK60-6, velocity_range: 45 rad/s"), "r");
   ASSERT_TRUE(written.has_value()) << written.error();
   EXPECT_EQ(written->joints[0].drive.velocity_range, 45);
   EXPECT_EQ(written->joints[0].drive.torque_range, 15) << "the rest is the model's";
 
   constexpr std::string_view kTmotor =
-      "{ protocol: mit, variant: tmotor, model: AK80-9, id: 1, reply_id: 0, position_after_power_up: absolute }";
+      "{ protocol: mit, variant: tmotor, model: AK10-9, id: 1, reply_id: 0, position_after_power_up: absolute }";
   const auto rs05 = parse(with(kTmotor, "{ protocol: robstride, model: RS05, id: 1 }"), "r");
   ASSERT_FALSE(rs05.has_value());
   EXPECT_NE(rs05.error().find("key `torque_range` is missing"), std::string::npos) << rs05.error();
@@ -391,7 +391,7 @@ TEST(Resolved, ANewKeyWithADefaultChangesNoText) {
 // Goal: no change of this house changes a robot's hash unseen. Where a default changes, or what a text looks like,
 // raise kDefaultsRevision, say so in CHANGELOG.md under BREAKING, and put the new hash here.
 TEST(Resolved, TheHashOfARobotStays) {
-  EXPECT_EQ(parse(kSmallRobot, "r").value().sha256, "979fdd47302853a67965856b6fffbb816ce9b7aea049d409dbf80e4ca0ad77df");
+  EXPECT_EQ(parse(kSmallRobot, "r").value().sha256, "091666f10361ee623328ef1350f35a432bfcaca4f3f2890897446d616ef9dfa8");
 }
 
 // Goal: a text that leaves a default out means the same in every later version. Method: the defaults of revision 1, of

@@ -150,12 +150,12 @@ inline constexpr Refusal kRefusals[] = {
             "54:31: policy.observation[1].sensor: sensor `imu` is not known; write one of: target"},
     Refusal{"an unknown fallback", "fallback: tuck }", "fallback: stand }",
             "11:44: degraded.fallback: fallback `stand` is not known; write one of: tuck, none"},
-    Refusal{"an unknown drive model", "AK80-9", "AK80-99",
-            "19:53: joints[0].drive.model: drive model `AK80-99` is not known: known are AK80-9, "
+    Refusal{"an unknown drive model", "AK10-9", "AK10-99",
+            "19:53: joints[0].drive.model: drive model `AK10-99` is not known: known are AK80-9, "
             "AK10-9, AK60-6, AK70-10, AK80-6, AK80-64, DM4310, DM4340, DM6006, DM8009, none; for another model write "
             "none and the five ranges of its manual (position_range, velocity_range, torque_range, kp_range, "
             "kd_range)"},
-    Refusal{"another motor than its nearest name", "AK80-9", "AK80-8",
+    Refusal{"another motor than its nearest name", "AK10-9", "AK80-8",
             "19:53: joints[0].drive.model: drive model `AK80-8` is not known: known are AK80-9, "
             "AK10-9, AK60-6, AK70-10, AK80-6, AK80-64, DM4310, DM4340, DM6006, DM8009, none; for another model write "
             "none and the five ranges of its manual (position_range, velocity_range, torque_range, kp_range, "
@@ -195,7 +195,7 @@ inline constexpr Refusal kRefusals[] = {
     Refusal{"two drives with one CAN id", "id: 0x02", "id: 1",
             "34:50: joints[1].drive.id: CAN id 0x1 is already hip's on bus left; give each drive its own"},
     Refusal{"a CAN FD drive on a classic bus",
-            "drive: { protocol: mit, variant: tmotor, model: AK80-9, id: 1, reply_id: 0, position_after_power_up: "
+            "drive: { protocol: mit, variant: tmotor, model: AK10-9, id: 1, reply_id: 0, position_after_power_up: "
             "absolute }",
             "drive: { protocol: moteus, id: 1, torque_range: 18 Nm, servo_kp: 500 Nm/rad, servo_kd: 5 Nms/rad }",
             "18:10: joints[0].bus: moteus speaks CAN FD; write `fd: true` into bus left"},
@@ -322,8 +322,8 @@ inline constexpr Refusal kRefusals[] = {
     Refusal{"a range that the drive cannot express", "position: [-1 rad, 1 rad]", "position: [-13 rad, 1 rad]",
             "21:17: joints[0].limits.position: (|position| + margin - offset) * gear_ratio = 13.1 rad exceeds the "
             "drive's range 12.5 rad; narrow the limit or check the model"},
-    Refusal{"torque beyond the drive", "torque: 12 Nm", "torque: 19 Nm",
-            "26:15: joints[0].limits.torque: torque / gear_ratio = 19 Nm exceeds the drive's range 18 Nm; narrow the "
+    Refusal{"torque beyond the drive", "torque: 12 Nm", "torque: 66 Nm",
+            "26:15: joints[0].limits.torque: torque / gear_ratio = 66 Nm exceeds the drive's range 65 Nm; narrow the "
             "limit or check the model"},
     Refusal{"kp limit beyond the drive", "kp: 100 Nm/rad", "kp: 501 Nm/rad",
             "28:11: joints[0].limits.kp: kp / gear_ratio^2 = 501 Nm/rad exceeds the drive's range 500 Nm/rad; narrow "

@@ -25,7 +25,7 @@ buses:
 joints:
   - name: hip
     bus: left
-    drive: { protocol: mit, variant: tmotor, model: AK80-9, id: 1, reply_id: 0, position_after_power_up: absolute }
+    drive: { protocol: mit, variant: tmotor, model: AK10-9, id: 1, reply_id: 0, position_after_power_up: absolute }
     limits:
       position: [-1 rad, 1 rad]
       position_margin: 0.1 rad

@@ -15,7 +15,7 @@
 namespace takt::config::test {
 namespace {
 
-constexpr std::string_view kHip = "model: AK80-9, id: 1";
+constexpr std::string_view kHip = "model: AK10-9, id: 1";
 constexpr std::string_view kBus = "interface: can0, when_missing: loopback";
 
 std::string complaint(const std::string& text) {
@@ -74,17 +74,17 @@ TEST(Turns, EveryJointHasItsTurnAndOnlyThen) {
 }
 
 TEST(Turns, AreRefusedWhereADriveWouldGiveUpBetweenThem) {
-  EXPECT_EQ(complaint(with(kHip, "model: AK80-9, id: 1, every: 4")), "");
-  EXPECT_TRUE(complains(with(kHip, "model: AK80-9, id: 1, every: 9"), "9 is out of range; write 1 to 8"));
-  EXPECT_TRUE(complains(with(kHip, "model: AK80-9, id: 1, every: 6"),
+  EXPECT_EQ(complaint(with(kHip, "model: AK10-9, id: 1, every: 4")), "");
+  EXPECT_TRUE(complains(with(kHip, "model: AK10-9, id: 1, every: 9"), "9 is out of range; write 1 to 8"));
+  EXPECT_TRUE(complains(with(kHip, "model: AK10-9, id: 1, every: 6"),
                         "joints[0].drive.every: turn 6 ms * observer_bandwidth 200 rad/s exceeds 1"));
-  const std::string slow = replaced(with(kHip, "model: AK80-9, id: 1, every: 4"), "feedback: { timeout: 20 ms }",
+  const std::string slow = replaced(with(kHip, "model: AK10-9, id: 1, every: 4"), "feedback: { timeout: 20 ms }",
                                     "feedback: { timeout: 7 ms }");
   EXPECT_TRUE(complains(slow, "a reply every 4 ms leaves no room for one lost within feedback.timeout 7 ms"));
 }
 
 TEST(Turns, TheirPriceIsTold) {
-  const auto robot = parse(with(kHip, "model: AK80-9, id: 1, every: 3"), "r");
+  const auto robot = parse(with(kHip, "model: AK10-9, id: 1, every: 3"), "r");
   ASSERT_TRUE(robot) << robot.error();
   const auto lines = cautions_about(*robot);
   ASSERT_EQ(lines.size(), 1U);
@@ -111,7 +111,7 @@ TEST(Buses, SixteenAreAndSeventeenAreTooMany) {
 std::string damiao_on(std::string_view bus, std::string_view drive) {
   const std::string text = with(kBus, bus);
   return replaced(text,
-                  "{ protocol: mit, variant: tmotor, model: AK80-9, id: 1, reply_id: 0, position_after_power_up: "
+                  "{ protocol: mit, variant: tmotor, model: AK10-9, id: 1, reply_id: 0, position_after_power_up: "
                   "absolute }",
                   drive);
 }
@@ -131,7 +131,7 @@ TEST(FdBitrate, IsTheBussAndOneThatTheMakerHas) {
                           "{ protocol: mit, variant: damiao, model: DM8009, id: 1, reply_id: 0x11, fd_bitrate: 8 "
                           "Mbit/s }"),
                 "8000000 bit/s is no rate that Damiao drives are known to have"));
-  EXPECT_TRUE(complains(with(kHip, "model: AK80-9, id: 1, fd_bitrate: 5 Mbit/s"), "unknown key `fd_bitrate`"))
+  EXPECT_TRUE(complains(with(kHip, "model: AK10-9, id: 1, fd_bitrate: 5 Mbit/s"), "unknown key `fd_bitrate`"))
       << "a T-Motor drive has none";
 }
 

@@ -103,7 +103,7 @@ TEST(DriveCard, OfADamiao) {
 }
 
 TEST(DriveCard, OfATMotorIsEmpty) {
-  Drive drive = drive_of(config::DriveProtocol::mit, "AK80-9", "tmotor");
+  Drive drive = drive_of(config::DriveProtocol::mit, "AK10-9", "tmotor");
   for (const CardEntry& one : card_after_set_up(drive, drive)) {
     EXPECT_EQ(one.value, "") << name(one.item);
     EXPECT_EQ(one.verdict, unknown) << name(one.item);

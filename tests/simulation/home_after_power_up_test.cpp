@@ -30,7 +30,7 @@ config::Drive odrive() {
 }
 
 config::Drive tmotor() {
-  const config::DrivePreset& preset = *config::find_drive_preset(config::DriveProtocol::mit, "AK80-9");
+  const config::DrivePreset& preset = *config::find_drive_preset(config::DriveProtocol::mit, "AK10-9");
   config::Drive drive;
   drive.variant = "tmotor";
   drive.id = 3;

@@ -67,7 +67,7 @@ Drive damiao() {
   return packed(config::DriveProtocol::mit, "DM4310", "damiao");
 }
 Drive tmotor() {
-  return with(packed(config::DriveProtocol::mit, "AK80-9", "tmotor"), kWaived);
+  return with(packed(config::DriveProtocol::mit, "AK10-9", "tmotor"), kWaived);
 }
 Drive robstride(const char* model = "RS03") {
   return packed(config::DriveProtocol::robstride, model);

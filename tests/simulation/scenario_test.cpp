@@ -221,7 +221,7 @@ constexpr std::string_view kDevices =
     "    drive: { protocol: mit, variant: damiao, model: DM8009, id: 1, reply_id: 0x11, gear_ratio: 2 }\n"
     "    inertia: 0.05 kgm2\n"
     "    position: 0.5 rad\n"
-    "  - { name: knee, bus: can0, drive: { protocol: mit, variant: tmotor, model: AK80-9, id: 2, reply_id: 0x12, "
+    "  - { name: knee, bus: can0, drive: { protocol: mit, variant: tmotor, model: AK10-9, id: 2, reply_id: 0x12, "
     "position_after_power_up: absolute }, "
     "inertia: 0.01 kgm2 }\n";
 

@@ -37,9 +37,9 @@ VECTORS = {
         (0x011, "b14000c004002d1e", {"State": 11, "Drive": 1, "Position": 12.5 * (2 * 0x4000 / 65535 - 1), "Velocity": 30 * (2 * 0xC00 / 4095 - 1),
                                      "Torque": 10 * (2 * 0x400 / 4095 - 1), "Temperature_MOS": 45, "Temperature_Rotor": 30}),
     ],
-    "AK80-9.dbc": [
+    "AK10-9.dbc": [
         (0x000, "014000c004004105", {"Drive": 1, "Position": 12.5 * (2 * 0x4000 / 65535 - 1), "Velocity": 50 * (2 * 0xC00 / 4095 - 1),
-                                     "Torque": 18 * (2 * 0x400 / 4095 - 1), "Temperature": 25, "Error": 5}),
+                                     "Torque": 65 * (2 * 0x400 / 4095 - 1), "Temperature": 25, "Error": 5}),
     ],
     "RS03.dbc": [
         (0x028001FD, "c0004000800000ff", {"Position": 4 * math.pi * (2 * 0xC000 / 65535 - 1), "Velocity": 20 * (2 * 0x4000 / 65535 - 1),
