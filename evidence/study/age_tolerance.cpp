@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <utility>
 
@@ -89,7 +91,7 @@ std::size_t most_doses(double grid_ms, double most_ms) {
 
 // What the whole has run, and the most doses that searches still to come may look at.
 struct Work {
-  std::size_t rollouts = 0, later_doses = 0;
+  std::size_t rollouts = 0, later_doses = 0, later_rollouts = 0;
 };
 
 // The doses of one panel, looked at one by one.
@@ -144,7 +146,7 @@ class Doses {
         rows.push_back(ran.row);
         failures += ran.row.success ? 0U : 1U;
         ++work_.rollouts;
-        tell(index, setup_.seeds - rows.size() + doses_after * setup_.seeds);
+        tell(index, setup_.seeds - rows.size() + doses_after * setup_.seeds + work_.later_rollouts);
         return std::expected<void, std::string>{};
       });
       if (!done) return std::unexpected(done.error());
@@ -250,6 +252,96 @@ std::expected<void, std::string> find_silence(const ToleranceSetup& setup, const
   return {};
 }
 
+constexpr std::array kWaits{milliseconds(5), milliseconds(50), milliseconds(250)};
+constexpr std::array kMemories{Duration{}, seconds(10)};
+constexpr std::uint64_t kMostRecoverySeeds = 20;
+constexpr std::size_t kRecoveryTroubles = 2;
+
+std::uint64_t recovery_seeds(const ToleranceSetup& setup) {
+  return std::min(setup.seeds, kMostRecoverySeeds);
+}
+std::size_t recovery_rollouts(const ToleranceSetup& setup) {
+  return kWaits.size() * kMemories.size() * kRecoveryTroubles * recovery_seeds(setup);
+}
+
+// The contract as it is proposed; what is not proposed is the robot file's.
+std::vector<config::Override> as_proposed(const AgeTolerance& found, Duration wait, Duration memory) {
+  std::vector<config::Override> said{{"freshness.max_age", fmt::format("{:.0f} ms", found.max_age_ms)},
+                                     {"freshness.recover_after", fmt::format("{} us", wait.ns / 1000)},
+                                     {"freshness.flap_memory", fmt::format("{} us", memory.ns / 1000)}};
+  if (found.epsilon) said.push_back({"freshness.epsilon", fmt::format("{:g}", *found.epsilon)});
+  if (found.stop_after_ms) said.push_back({"freshness.stop_after", fmt::format("{:.0f} ms", *found.stop_after_ms)});
+  return said;
+}
+
+panel::Panel recovery_panel(const ToleranceSetup& setup, const config::RobotConfig& robot, const AgeTolerance& found,
+                            std::vector<RecoveryPoint>& points) {
+  panel::Panel made = panel_of(setup, robot, "none", 1, 0, found.max_age_ms);
+  made.seed_count = recovery_seeds(setup);
+  made.methods.clear();
+  made.perturbations.clear();
+  for (const Duration wait : kWaits)
+    for (const Duration memory : kMemories) {
+      made.methods.push_back(
+          {fmt::format("recovery{}", points.size()), "as proposed", false, as_proposed(found, wait, memory), {}});
+      points.push_back({.recover_after = wait, .flap_memory = memory});
+    }
+  const double delay_ms = std::max(found.max_age_ms - found.ages.front().age_p50_ms, 0.0);
+  made.perturbations.push_back({"inference_stall", found.max_age_ms + 100, {}, setup.duration});
+  made.perturbations.push_back({"publish_delay", delay_ms, {}, setup.duration});
+  return made;
+}
+
+// Most often, then the fewest ticks in violation, then the fewest entries; of equals the longest wait, which is
+// calmest.
+const RecoveryPoint& best_of(const std::vector<RecoveryPoint>& points) {
+  constexpr double kEqualTicks = 1, kEqualShare = 1.1;
+  const auto most = std::ranges::max(points, {}, &RecoveryPoint::successes).successes;
+  double fewest = std::numeric_limits<double>::infinity();
+  for (const RecoveryPoint& point : points)
+    if (point.successes == most) fewest = std::min(fewest, point.violated_ticks);
+  const RecoveryPoint* best = nullptr;
+  for (const RecoveryPoint& point : points) {
+    if (point.successes != most || point.violated_ticks > kEqualShare * fewest + kEqualTicks) continue;
+    if (best == nullptr || point.entries <= best->entries) best = &point;
+  }
+  return *best;
+}
+
+std::expected<void, std::string> find_recovery(const ToleranceSetup& setup, const config::RobotConfig& robot,
+                                               Work& work, AgeTolerance& found) {
+  std::vector<RecoveryPoint> points;
+  auto contest = panel::Contest::prepare(recovery_panel(setup, robot, found, points), setup.outside);
+  if (!contest) return std::unexpected(contest.error());
+  std::vector<panel::PlannedRollout> plan;
+  for (std::size_t method = 0; method < points.size(); ++method)
+    for (std::size_t trouble = 0; trouble < kRecoveryTroubles; ++trouble)
+      for (std::uint64_t seed = 1; seed <= recovery_seeds(setup); ++seed)
+        plan.push_back({.task = 0, .perturbation = trouble, .method = method, .seed = seed});
+  const auto done = panel::run_in_workers(*contest, plan, setup.workers, [&](const panel::RanRollout& ran) {
+    const auto method = std::ranges::find(contest->panel().methods, ran.row.method, &panel::PanelMethod::name);
+    RecoveryPoint& point = points.at(static_cast<std::size_t>(method - contest->panel().methods.begin()));
+    ++point.rollouts;
+    point.successes += ran.row.success ? 1U : 0U;
+    point.violated_ticks += static_cast<double>(ran.row.constraint_violations);
+    point.entries += static_cast<double>(ran.row.safety.entered_degraded);
+    ++work.rollouts;
+    --work.later_rollouts;
+    if (setup.on_progress)
+      setup.on_progress({work.rollouts, work.rollouts + work.later_rollouts,
+                         fmt::format("recover_after {:g} ms", point.recover_after.milliseconds())});
+    return std::expected<void, std::string>{};
+  });
+  if (!done) return std::unexpected(done.error());
+  for (RecoveryPoint& point : points) {
+    point.violated_ticks /= static_cast<double>(point.rollouts);
+    point.entries /= static_cast<double>(point.rollouts);
+  }
+  found.recovery = best_of(points);
+  found.recoveries = std::move(points);
+  return {};
+}
+
 }  // namespace
 
 std::expected<AgeTolerance, std::string> age_tolerance(const ToleranceSetup& setup) {
@@ -257,10 +349,12 @@ std::expected<AgeTolerance, std::string> age_tolerance(const ToleranceSetup& set
   if (!robot) return std::unexpected(robot.error());
   AgeTolerance found;
   Work work;
+  work.later_rollouts = recovery_rollouts(setup);
   if (auto done = find_age(setup, *robot, work, found); !done) return std::unexpected(done.error());
   if (found.max_age_ms <= 0) return found;
   if (auto done = find_share(setup, *robot, work, found); !done) return std::unexpected(done.error());
   if (auto done = find_silence(setup, *robot, work, found); !done) return std::unexpected(done.error());
+  if (auto done = find_recovery(setup, *robot, work, found); !done) return std::unexpected(done.error());
   return found;
 }
 

@@ -8,8 +8,12 @@
 //   misses   the proposed max_age gates; once per second an inference stalls for a dose, so that the gate refuses and
 //            the robot brakes. Tolerated as above; the share of ticks that missed is measured.
 //   silence  the policy stands still once, for a dose; the proposed max_age gates, and nothing stops the robot.
+//   recovery the proposed contract as it is to be, with every pair of recover_after and flap_memory of a short list:
+//            stalls beyond max_age, and a delay that brings the age to max_age.
 //   rule     max_age = safety * tolerated age, rounded down to 5 ms; epsilon = safety * tolerated share, rounded down
 //            to two digits; stop_after = safety * tolerated silence, rounded down to 5 ms, where it exceeds max_age.
+//            recover_after and flap_memory: of those that succeed most often, which have the fewest ticks in violation
+//            (a tenth more counts as equal), those that enter degraded mode least often.
 // Larger doses are presumed to be no easier. Same setup, same result, whatever the number of workers.
 #pragma once
 
@@ -59,8 +63,17 @@ struct TolerancePoint {
   bool tolerated = false;
 };
 
+// One way to come back from degraded mode, under both troubles together.
+struct RecoveryPoint {
+  Duration recover_after, flap_memory;
+  std::uint64_t rollouts = 0, successes = 0;
+  double violated_ticks = 0, entries = 0;  // into degraded mode; means per rollout
+};
+
 struct AgeTolerance {
   std::vector<TolerancePoint> ages, misses, silences;  // by dose
+  std::vector<RecoveryPoint> recoveries;               // empty: nothing was gated
+  std::optional<RecoveryPoint> recovery;               // proposed
   double tolerated_age_ms = 0;                         // median age at the largest tolerated delay
   double nominal_p99_ms = 0;                           // age without any added delay
   double max_age_ms = 0;                               // proposed

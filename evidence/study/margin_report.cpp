@@ -56,10 +56,30 @@ Json to_json(const std::vector<TolerancePoint>& points) {
   return all;
 }
 
+Json to_json(const std::vector<RecoveryPoint>& points) {
+  Json all = Json::array();
+  for (const RecoveryPoint& point : points)
+    all.push_back({{"recover_after_ms", point.recover_after.milliseconds()},
+                   {"flap_memory_ms", point.flap_memory.milliseconds()},
+                   {"rollouts", point.rollouts},
+                   {"successes", point.successes},
+                   {"violated_ticks", point.violated_ticks},
+                   {"entered_degraded", point.entries}});
+  return all;
+}
+
+std::optional<double> wait_of(const AgeTolerance& found) {
+  return found.recovery ? std::optional(found.recovery->recover_after.milliseconds()) : std::nullopt;
+}
+std::optional<double> memory_of(const AgeTolerance& found) {
+  return found.recovery ? std::optional(found.recovery->flap_memory.milliseconds()) : std::nullopt;
+}
+
 Json to_json(const AgeTolerance& found) {
   return {{"publish_delay", to_json(found.ages)},
           {"inference_stall", to_json(found.misses)},
           {"policy_freeze", to_json(found.silences)},
+          {"recovery", to_json(found.recoveries)},
           {"tolerated_age_ms", found.tolerated_age_ms},
           {"tolerated_age_is_open", found.age_is_open},
           {"nominal_age_p99_ms", found.nominal_p99_ms},
@@ -69,7 +89,9 @@ Json to_json(const AgeTolerance& found) {
           {"tolerated_silence_is_open", found.silence_is_open},
           {"proposed_max_age_ms", found.max_age_ms},
           {"proposed_epsilon", number(found.epsilon)},
-          {"proposed_stop_after_ms", number(found.stop_after_ms)}};
+          {"proposed_stop_after_ms", number(found.stop_after_ms)},
+          {"proposed_recover_after_ms", number(wait_of(found))},
+          {"proposed_flap_memory_ms", number(memory_of(found))}};
 }
 
 constexpr std::array<std::string_view, 7> kColours{"#4477aa", "#ee6677", "#228833", "#ccbb44",

@@ -54,6 +54,16 @@ std::string point_lines(const std::vector<TolerancePoint>& points, std::string_v
   return text;
 }
 
+std::string recovery_lines(const std::vector<RecoveryPoint>& points) {
+  std::string text = fmt::format("{:>13}  {:>11}  {:>9}  {:>18}  {:>14}\n", "recover_after", "flap_memory", "success",
+                                 "ticks in violation", "times degraded");
+  for (const RecoveryPoint& point : points)
+    text += fmt::format("{:>10.0f} ms  {:>9g} s  {:>9}  {:>18.1f}  {:>14.1f}\n", point.recover_after.milliseconds(),
+                        point.flap_memory.seconds(), fmt::format("{} of {}", point.successes, point.rollouts),
+                        point.violated_ticks, point.entries);
+  return text;
+}
+
 std::string proposal(const AgeTolerance& found, const config::RobotConfig& robot) {
   std::string text = fmt::format("\nage tolerated {}{:.1f} ms, without added delay p99 {:.1f} ms\n",
                                  found.age_is_open ? "at least " : "", found.tolerated_age_ms, found.nominal_p99_ms);
@@ -67,9 +77,14 @@ std::string proposal(const AgeTolerance& found, const config::RobotConfig& robot
                       found.epsilon ? fmt::format("{:g}", *found.epsilon) : "none (no miss is tolerated)",
                       found.stop_after_ms ? fmt::format("{:.0f} ms", *found.stop_after_ms)
                                           : "none (silence is not tolerated for longer than max_age)");
+  if (found.recovery)
+    text += fmt::format("proposed: recover_after {:g} ms, flap_memory {:g} s\n",
+                        found.recovery->recover_after.milliseconds(), found.recovery->flap_memory.seconds());
   text += fmt::format("robot file: max_age {:.0f} ms, epsilon {:g}, stop_after {:.0f} ms\n",
                       robot.freshness.max_age.milliseconds(), robot.freshness.epsilon,
                       robot.freshness.stop_after.milliseconds());
+  text += fmt::format("robot file: recover_after {:g} ms, flap_memory {:g} s\n",
+                      robot.freshness.recover_after.milliseconds(), robot.freshness.flap_memory.seconds());
   if (found.max_age_ms < found.nominal_p99_ms)
     text += "the policy's path alone is older than the proposed max_age: make it faster before trusting it\n";
   return text;
@@ -97,6 +112,9 @@ std::string margin_text(const MarginReport& report) {
   if (!report.tolerance->silences.empty())
     text += fmt::format("\nsilence, gated at {:.0f} ms\n", report.tolerance->max_age_ms) +
             point_lines(report.tolerance->silences, "one freeze", false);
+  if (!report.tolerance->recoveries.empty())
+    text += "\nrecovery, by the proposed contract under stalls and at its limit of age\n" +
+            recovery_lines(report.tolerance->recoveries);
   return text + proposal(*report.tolerance, report.robot);
 }
 

@@ -127,6 +127,15 @@ TEST(MarginReport, JsonHoldsTheProposal) {
   EXPECT_EQ(json["task"]["proposed_max_age_ms"], 75);
   EXPECT_EQ(json["task"]["proposed_epsilon"], 0.027);
   EXPECT_EQ(json["task"]["proposed_stop_after_ms"], 200);
+  EXPECT_TRUE(json["task"]["proposed_recover_after_ms"].is_null()) << "nothing was tried";
+  MarginReport tried = report(robot, {joint(10, 10.5, 0.05)});
+  tried.tolerance->recoveries = {{milliseconds(50), seconds(10), 12, 11, 3.5, 1.25}};
+  tried.tolerance->recovery = tried.tolerance->recoveries.front();
+  const auto with_recovery = to_json(tried)["task"];
+  EXPECT_EQ(with_recovery["proposed_recover_after_ms"], 50);
+  EXPECT_EQ(with_recovery["proposed_flap_memory_ms"], 10'000);
+  EXPECT_EQ(with_recovery["recovery"][0]["entered_degraded"], 1.25);
+  EXPECT_NE(margin_text(tried).find("proposed: recover_after 50 ms, flap_memory 10 s"), std::string::npos);
   EXPECT_NEAR(json["joints"][0]["computed"]["phase_deg"], 57.2958, 1e-3);
   EXPECT_EQ(json["joints"][0]["injected"]["delay_ms"], 20);
 }
