@@ -27,18 +27,20 @@ def packages_of(bin_dir):
         path = bin_dir / program
         needed |= set(re.findall(r"NEEDED +(\S+)", said("objdump", "-p", path)))
         places.update(re.findall(r"(\S+) => (/\S+)", said("ldd", path)))
-    found = set()
+    ways = {}  # how a package may name it: by the link or what it points to, below /usr or not
     for library in sorted(needed & set(places)):
         path = pathlib.Path(places[library])
-        if path.is_relative_to(bin_dir.parent):
-            continue  # ours
-        for name in (path, path.resolve(), pathlib.Path(str(path).removeprefix("/usr")), pathlib.Path(str(path.resolve()).removeprefix("/usr"))):
-            owner = subprocess.run(["dpkg-query", "-S", name], capture_output=True, text=True).stdout
-            if owner:
-                found.add(owner.partition(":")[0])
-                break
-        else:
+        if not path.is_relative_to(bin_dir.parent):  # else it is ours
+            ways[path] = {str(name).removeprefix(usr) for name in (path, path.resolve()) for usr in ("/usr", "")}
+    wanted = sorted(set().union(*ways.values()))
+    owners = subprocess.run(["dpkg-query", "-S", *wanted], capture_output=True, text=True).stdout  # exit code 1: not by every name
+    owner_of = {path: owner.partition(":")[0] for owner, path in (line.split(": ", 1) for line in owners.splitlines() if ": " in line)}
+    found = set()
+    for path, names in ways.items():
+        owner = next((owner_of[name] for name in sorted(names) if name in owner_of), None)
+        if owner is None:
             sys.exit(f"sbom.py: no package has {path}")
+        found.add(owner)
     return found
 
 

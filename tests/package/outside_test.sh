@@ -19,8 +19,8 @@ cc -std=c11 sway.c $(pkg-config --cflags --libs takt) -lm -o by-pkg-config || fa
 cmake -B by-cmake -DCMAKE_PREFIX_PATH="$root/usr" >cmake.log && cmake --build by-cmake >>cmake.log || { cat cmake.log; fail "TaktConfig.cmake builds nothing"; }
 abi=$(sed -n 's/^#define TAKT_CLIENT_ABI \([0-9]*\)$/\1/p' "$root/usr/include/takt/client.h")
 for program in by-pkg-config by-cmake/sway; do
-  readelf -d "$program" | grep -q "NEEDED.*\[libtakt-client\.so\.$abi\]" || fail "$program does not need libtakt-client.so.$abi"
-  LD_LIBRARY_PATH=$libraries ldd "$program" | grep -q "libtakt-client.so.$abi => $libraries" || fail "$program does not find its library"
+  readelf -d "$program" | grep "NEEDED.*\[libtakt-client\.so\.$abi\]" >/dev/null || fail "$program does not need libtakt-client.so.$abi"
+  LD_LIBRARY_PATH=$libraries ldd "$program" | grep "libtakt-client.so.$abi => $libraries" >/dev/null || fail "$program does not find its library"
 done
 version=$(pkg-config --modversion takt)
 grep -q "project(takt VERSION $version " "$source/CMakeLists.txt" || fail "takt.pc says version $version"

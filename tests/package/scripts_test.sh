@@ -53,7 +53,7 @@ done
 echo '{"drives_enabled":false}' >"$root/status"
 touch "$root/is-stopped"
 # A robot that somebody started by hand.
-sh -c 'sleep 60; :' takt-executive --runtime-dir "$root/by-hand" &
+python3 -c 'import signal; signal.pause()' takt-executive --runtime-dir "$root/by-hand" >/dev/null 2>&1 </dev/null &
 by_hand=$!
 echo "$by_hand" >"$root/executives"
 run preinst upgrade 0.1.0-1 || fail "an upgrade is refused although the robot that was started by hand is not armed"

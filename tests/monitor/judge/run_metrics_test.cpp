@@ -167,16 +167,21 @@ TEST_F(RunMetricsTest, WhatIsNotWhatItsTopicSaysIsCounted) {
   auto writer = McapWriter::create(folder.ticks(), 1U << 20U, run_topics(), {});
   ASSERT_TRUE(writer);
   const Bytes nonsense(16);
-  writer->write(static_cast<std::uint16_t>(Topic::tick), 1, nonsense);
+  CdrWriter message;
+  const auto first = [&](const RecordedTick& tick) {
+    if (tick.record.header.tick == 1) encode_tick(tick.record, tick.crc, message);
+  };
+  ASSERT_TRUE(scan_run(run_, {.tick = first, .command = {}, .keyframe = {}, .loss = {}}));
+  for (const Bytes& bytes : {message.bytes(), nonsense})
+    writer->write(static_cast<std::uint16_t>(Topic::tick), 1, bytes);
   writer->finish();
   const RecordedRun odd = *open_run(folder.path());
   const auto metrics = metrics_of(odd);
   ASSERT_TRUE(metrics);
-  EXPECT_EQ(metrics->ticks, 0U);
+  EXPECT_EQ(metrics->ticks, 1U);
   EXPECT_EQ(metrics->scan.undecodable, 1U);
   const std::string text = report_text(*metrics, odd);
   EXPECT_NE(text.find("not what their topic says, skipped: 1"), std::string::npos) << text;
-  EXPECT_NE(text.find("not one tick can be read"), std::string::npos) << text;
 }
 
 }  // namespace
