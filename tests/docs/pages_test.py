@@ -1,13 +1,15 @@
 #!/usr/bin/env python3
 """Goal: a newcomer finds every page, no link leads nowhere, no merge left its marks, and the first page stays short.
 Method: links of README.md and of docs/*.md are followed on disk; docs/README.md names every page; README.md has at most
-120 lines of at most 120 columns; no line of a page or of the changelog is a conflict's mark. Usage: pages_test.py REPOSITORY. Exit codes: 0 fine, 1 not.
+120 lines of at most 120 columns; no line of a page or of the changelog is a conflict's mark; a release has at most 40 lines in the
+changelog, which begin with what breaks. Usage: pages_test.py REPOSITORY. Exit codes: 0 fine, 1 not.
 """
 import pathlib
 import re
 import sys
 
 MOST_LINES = MOST_COLUMNS = 120
+MOST_LINES_OF_A_RELEASE = 40
 
 
 def broken_links(page):
@@ -22,11 +24,22 @@ def merge_marks(page):
             yield f"{page}:{number}: a merge left its mark"
 
 
+def releases(changelog):
+    for section in re.split(r"(?m)^## ", changelog.read_text())[1:]:
+        name, *lines = section.rstrip().splitlines()
+        if len(lines) + 1 > MOST_LINES_OF_A_RELEASE:
+            yield f"{changelog}: {name} has {len(lines) + 1} lines, {MOST_LINES_OF_A_RELEASE} are enough: the history has the rest"
+        heads = [line for line in lines if re.match(r"[A-Z][^.]*:$", line)]
+        if heads and heads[0] != "Breaking:":
+            yield f"{changelog}: {name} begins with `{heads[0]}`, and `Breaking:` comes first"
+
+
 def main():
     root = pathlib.Path(sys.argv[1])
     pages = [root / "README.md", root / "CONTRIBUTING.md", *sorted((root / "docs").glob("*.md"))]
     problems = [problem for page in pages for problem in broken_links(page)]
     problems += [problem for page in [*pages, root / "CHANGELOG.md"] for problem in merge_marks(page)]
+    problems += releases(root / "CHANGELOG.md")
     index = (root / "docs/README.md").read_text()
     problems += [f"docs/README.md does not name {page.name}" for page in pages[2:]
                  if page.name != "README.md" and f"({page.name})" not in index]
