@@ -70,4 +70,13 @@ inside sh -c 'cd /tmp && cc -std=c11 /usr/share/doc/takt-dev/examples/c-policy/s
   fail "pkg-config's flags build no policy"
 inside sh -c 'cmake -S /usr/share/doc/takt-dev/examples/c-policy -B /tmp/by-cmake && cmake --build /tmp/by-cmake' >"$root/tmp/build.log" 2>&1 ||
   { cat "$root/tmp/build.log"; fail "TaktConfig.cmake builds no policy"; }
-echo "installed, ran, purged: nothing is left but the run; the example engine of takt-dev was built, and ran"
+
+# A robot in use that the new version refuses: nothing is unpacked, and the installed version stays whole.
+inside sh -c 'mkdir /etc/takt/deployments/obsolete && ln -sfn deployments/obsolete /etc/takt/robot &&
+  sed "s/^control:/&\n  overrun_limit: 50/" /usr/share/takt/demo/robot.yaml >/etc/takt/robot/robot.yaml'
+! inside dpkg -i /tmp/takt.deb >"$root/tmp/upgrade.log" 2>&1 || fail "upgraded over a robot that the new version refuses"
+grep -q 'control.overrun_limit: gone since version 0.2: write control.late_share' "$root/tmp/upgrade.log" || { cat "$root/tmp/upgrade.log"; fail "refused without its sentence"; }
+[ "$(inside dpkg-query -W -f '${db:Status-Status}' takt)" = installed ] || fail "the refused upgrade left the package half installed"
+inside sed -i /overrun_limit/d /etc/takt/robot/robot.yaml
+inside dpkg -i /tmp/takt.deb >"$root/tmp/upgrade.log" 2>&1 || { cat "$root/tmp/upgrade.log"; fail "not upgraded although the robot in use is fine"; }
+echo "installed, ran, purged: nothing is left but the run; the example engine of takt-dev was built, and ran; an upgrade asks first"
