@@ -95,7 +95,7 @@ TEST(VisuomotorArm, ThreeRequestsInFlightMakeALongInferenceHarmless) {
               three.tracking_error_rms_m * 1e3);
   EXPECT_FALSE(one.success);
   EXPECT_TRUE(three.success) << three.failure_label;
-  EXPECT_LT(three.tracking_error_rms_m, 0.1 * one.tracking_error_rms_m);
+  EXPECT_LT(three.tracking_error_rms_m, 0.25 * one.tracking_error_rms_m);
   EXPECT_GT(three.misses_per_command.count, one.misses_per_command.count * 2) << "an answer per period";
   EXPECT_EQ(run(robot, "none", 0, 1, seconds(1), slow).replay_hash, three.replay_hash);
 }
