@@ -42,6 +42,9 @@ config::RobotConfig small_robot() {
   for (config::Joint& joint : robot.joints)
     if (joint.drive.variant == "damiao") joint.limits.temperature = {.warning = 100, .stop = 120};
   robot.model.reset();
+  // A wait and a memory of relapses, so that both are explored.
+  robot.freshness.recover_after = milliseconds(250);
+  robot.freshness.flap_memory = seconds(10);
   robot.safe_torque_off.emplace().on_joint_fault = config::OnJointFault::keep;
   robot.sensors.push_back({.name = "base_imu", .values = kImuValues, .timeout = milliseconds(20)});
   robot.imu =
