@@ -154,6 +154,14 @@ bool is_lower_case(std::string_view name) {
   return std::ranges::none_of(name, [](char c) { return c >= 'A' && c <= 'Z'; });
 }
 
+// What every method has to meet alike: with it, a method would have a world of its own.
+bool is_of_the_world(std::string_view key) {
+  constexpr std::array<std::string_view, 3> kWorld{"simulation", "model", "control.period"};
+  return std::ranges::any_of(kWorld, [key](std::string_view section) {
+    return key == section || (key.starts_with(section) && key.substr(section.size()).starts_with('.'));
+  });
+}
+
 void check_tasks_and_methods(const Panel& panel, config::Checker& checker) {
   checker.require(is_lower_case(panel.name), "panel", "has capital letters; rows hold small ones only");
   std::set<Task> seen;
@@ -169,6 +177,10 @@ void check_tasks_and_methods(const Panel& panel, config::Checker& checker) {
     checker.require(is_lower_case(method.name), name, "has capital letters; rows hold small ones only");
     checker.require(find_built_in(method.name) == nullptr || (method.overrides.empty() && !method.repeat_last), name,
                     "is a built-in method's name, which takes no `override` and no `link`; choose another name");
+    for (std::size_t k = 0; k < method.overrides.size(); ++k)
+      checker.require(!is_of_the_world(method.overrides[k].key), fmt::format("methods[{}].override[{}].key", i, k),
+                      fmt::format("`{}` would give this method a world of its own; override it in the task",
+                                  method.overrides[k].key));
   }
 }
 

@@ -148,6 +148,13 @@ const Refusal kRefusals[] = {
      "9:13: methods[1].name: is a built-in method's name, which takes no `override` and no `link`"},
     {"a built-in method with a link", "{ name: takt }", "{ name: timeout, link: repeat_last }",
      "methods[0].name: is a built-in method's name"},
+    {"a plant of its own", "key: freshness.max_age, value: 200 ms", "key: simulation.step, value: 100 us",
+     "methods[1].override[0].key: `simulation.step` would give this method a world of its own; override it in the "
+     "task"},
+    {"a model of its own", "key: freshness.max_age, value: 200 ms", "key: model, value: none",
+     "methods[1].override[0].key: `model` would give this method"},
+    {"a pace of its own", "key: freshness.max_age, value: 200 ms", "key: control.period, value: 2 ms",
+     "methods[1].override[0].key: `control.period` would give"},
     {"capital letters", "name: lax", "name: Lax", "has capital letters"},
 };
 
