@@ -388,6 +388,23 @@ TEST(Resolved, ANewKeyWithADefaultChangesNoText) {
   EXPECT_EQ(text_of(true, ten_degrees, true), "limits:\n  torque: 5 Nm\n  hard: true\n  more:\n    hard: true\n");
 }
 
+// What an earlier version recorded is read for looking back, without the keys that are gone; what is to move a robot is
+// not.
+TEST(Migrations, OfARecordAreMadeAndOfARobotAreSaid) {
+  std::string text = with("spin: 100 us }", "spin: 100 us, overrun_limit: 50 }");
+  text += "stops: { command_lost: { how: posture, fallback: tuck, for: 2 s } }\n";
+  const auto refused = parse(text, "r");
+  ASSERT_FALSE(refused);
+  for (const char* const key : {"control.overrun_limit: gone since", "stops.command_lost.how: `posture` is gone since",
+                                "stops.command_lost.fallback: gone since"})
+    EXPECT_NE(refused.error().find(key), std::string::npos) << key << "\n" << refused.error();
+  const auto recorded = parse_recorded(text, "r");
+  ASSERT_TRUE(recorded) << recorded.error();
+  ASSERT_EQ(recorded->stops.size(), 1U);
+  EXPECT_EQ(recorded->stops[0].how, StopHow::hold);
+  EXPECT_FALSE(parse_recorded(with("robot: small", "robot: small\nno_such_key: 1"), "r"));
+}
+
 // Goal: no change of this house changes a robot's hash unseen. Where a default changes, or what a text looks like,
 // raise kDefaultsRevision, say so in CHANGELOG.md under Breaking, and put the new hash here. The robot stays as it is.
 TEST(Resolved, TheHashOfARobotStays) {
