@@ -6,7 +6,8 @@ const switches = ['--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first
 
 // Opens `url` and calls look(page, {errors, requests}); the browser is closed afterwards.
 export async function inBrowser(options, look) {
-  const browser = await chromium.launch({ executablePath: process.env.TAKT_CHROMIUM, args: switches });
+  // A browser that is read from a cold disk takes its time; what is tested begins afterwards.
+  const browser = await chromium.launch({ timeout: 120_000, executablePath: process.env.TAKT_CHROMIUM, args: switches });
   try {
     const page = await browser.newPage({ viewport: { width: 1500, height: 1900 }, ...options });
     const errors = [];
