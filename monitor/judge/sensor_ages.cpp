@@ -5,7 +5,7 @@
 namespace takt::monitor {
 namespace {
 
-constexpr std::size_t kRemembered = 4096;  // observations: more than any max_age spans
+constexpr std::size_t kObservationsKept = 4096;  // observations: more than any max_age spans
 constexpr std::uint64_t kNobodySpoke = UINT64_MAX;
 
 }  // namespace
@@ -17,7 +17,7 @@ SensorAges::SensorAges(const config::RobotConfig& robot) : ages_(robot.sensors.s
 void SensorAges::tick(const TickRecordHeader& header) {
   if (header.observation_published == 0) return;
   published_.push_back({header.observation_published, header.now});
-  if (published_.size() > kRemembered) published_.pop_front();
+  if (published_.size() > kObservationsKept) published_.pop_front();
 }
 
 const SensorAges::Published* SensorAges::observation(std::uint64_t id) const {
