@@ -88,10 +88,6 @@ Node* find_by_path(Node& root, std::string_view path) {
   return at;
 }
 
-}  // namespace
-
-namespace {
-
 std::expected<RobotConfig, std::string> parsed(std::string_view text, const std::string& name_for_messages,
                                                bool is_recorded) {
   Problems problems(name_for_messages);

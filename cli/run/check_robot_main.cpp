@@ -10,7 +10,10 @@
 int main(int argc, char** argv) {
   constexpr int kExitUsage = 64;
   const std::span arguments(argv, static_cast<std::size_t>(argc));
-  if (arguments.size() != 2) return kExitUsage;
+  if (arguments.size() != 2) {
+    fmt::print(stderr, "check-robot: name one robot file\n");
+    return kExitUsage;
+  }
   const auto checked = takt::cli::check_robot_file(arguments[1]);
   if (checked) return 0;
   fmt::print(stderr, "{}\n", takt::cli::first_problems(checked.error()));

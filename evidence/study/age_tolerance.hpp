@@ -13,7 +13,7 @@
 //   rule     max_age = safety * tolerated age, rounded down to 5 ms; epsilon = safety * tolerated share, rounded down
 //            to two digits; stop_after = safety * tolerated silence, rounded down to 5 ms, where it exceeds max_age.
 //            recover_after and flap_memory: of those that succeed most often, which have the fewest ticks in violation
-//            (a tenth more counts as equal), those that enter degraded mode least often.
+//            (a tenth and one tick more count as equal), those that enter degraded mode least often.
 // Larger doses are presumed to be no easier. Same setup, same result, whatever the number of workers.
 #pragma once
 

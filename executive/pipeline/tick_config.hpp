@@ -66,7 +66,7 @@ struct JointConfig {
   float fallback_pose = 0;       // rad, where the fallback policy goes
   float fallback_speed = 0;      // rad/s
   float observer_bandwidth = 0;  // rad/s of the velocity observer
-  float following_error = 0;     // rad between the joint and its reference (following.hpp); 0: not looked for
+  float following_error = 0;     // rad between the joint and its reference; 0: by torque and stiffness (following.hpp)
   std::uint8_t bus = 0;
   LoopAt loop = LoopAt::drive;
   bool passive = false;        // measured, never driven: its setpoint has no gains and no torque, whatever is asked

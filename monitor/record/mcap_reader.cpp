@@ -56,8 +56,10 @@ class Scan {
         schema->name = parser.text();
         (void)parser.text();  // its encoding
         schema->text = parser.text();
-        schemas_[id] = std::move(schema);
-        return parser.ok();
+        if (!parser.ok()) return false;
+        // One id, one schema: it stays where readers have seen it.
+        const auto& kept = *schemas_.try_emplace(id, schema).first->second;
+        return kept.name == schema->name && kept.text == schema->text ? true : damaged();
       }
       case Opcode::channel: {
         const auto id = parser.get<std::uint16_t>();

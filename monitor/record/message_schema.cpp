@@ -130,7 +130,8 @@ std::span<const std::byte> Relayout::operator()(std::span<const std::byte> messa
   for (std::size_t i = 0; i < from_.fields.size(); ++i) {
     const MessageField& field = from_.fields[i];
     Value& value = values_[i];
-    value.count = field.is_sequence ? in.get_count(message.size()) : field.fixed_count;
+    const std::size_t size = std::max<std::size_t>(element_size(field.type), 1);
+    value.count = field.is_sequence ? in.get_count(message.size() / size) : field.fixed_count;
     if (field.type == kText) {
       if (field.is_sequence || field.fixed_count != 1) return {};
       const std::string text = in.get_string();
@@ -138,7 +139,6 @@ std::span<const std::byte> Relayout::operator()(std::span<const std::byte> messa
       value.elements.assign(bytes.begin(), bytes.end());
       continue;
     }
-    const std::size_t size = element_size(field.type);
     value.elements.resize(value.count * size);
     in.get_column(value.elements.data(), size, size, value.count);
     if (!in.ok()) return {};

@@ -60,7 +60,9 @@ class Scan {
         std::ranges::find(topics_, message.topic, [](const Reading& one) { return topic_name(one.topic); });
     if (found == topics_.end() || !is_wanted(found->topic)) return true;
     Reading& reading = *found;
-    if (reading.schema.data() != message.schema.data() && !describe(reading, message)) return false;
+    if (!reading.relayout && !describe(reading, message)) return false;
+    if (reading.schema.data() != message.schema.data() && reading.schema != message.schema)
+      return refuse(reading, "is described twice, and otherwise");
     const auto data = reading.relayout->is_needed() ? (*reading.relayout)(message.data) : message.data;
     if (!hand_on(reading, data)) ++report.undecodable;
     return refusal.empty();

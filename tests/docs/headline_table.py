@@ -2,13 +2,12 @@
 """Goal: the table of the headline panel in docs/panels.md is what today's program gives. Method: rows of the table,
 drawn by its own bytes, are run again, all seeds and methods of each. On another kind of processor the last bit of a
 sine differs, and a pole that falls late may stand: a cell may differ by what chance does to 50 rollouts. With --write
-the whole panel is run and the table written, below the sentence that says how Takt fares against its best rival; with
---verdict ROLLOUTS that sentence is printed of these rows.
-Usage: headline_table.py REPOSITORY TAKT [--write | --verdict ROLLOUTS.jsonl]. Exit codes: 0 fine, 1 not.
+the whole panel is run and the table written, below the sentence that says how Takt fares against its best rival by
+`takt compare`; with --verdict ARTIFACT that sentence is printed of this panel's artifact.
+Usage: headline_table.py REPOSITORY TAKT [--write | --verdict ARTIFACT]. Exit codes: 0 fine, 1 not.
 """
 import collections
 import json
-import math
 import pathlib
 import random
 import subprocess
@@ -41,25 +40,29 @@ def rollouts_of(path):
     return methods
 
 
-def verdict(rollouts):
+def against(takt, artifact, rival):
+    """The pooled comparison of Takt with one rival: successes, and ticks in violation."""
+    said = subprocess.run([takt, "compare", artifact, "--method-a", "takt", "--method-b", rival, "--json"], capture_output=True, text=True)
+    if said.returncode != 0:
+        sys.exit(f"takt compare: {said.returncode}\n{said.stderr}")
+    pooled = json.loads(said.stdout)["pooled"]
+    violated = next(metric for metric in pooled["metrics"] if metric["metric"] == "constraint_violations")
+    return pooled["pairs"], pooled["success"], violated["mean_a"], violated["mean_b"]
+
+
+def verdict(takt, artifact):
     """One sentence: Takt against the rival that succeeds most often, of those that do the one with the fewest ticks in violation."""
-    def summary(method):
-        rows = rollouts[method].values()
-        return sum(good for good, _ in rows), -sum(violated for _, violated in rows) / len(rows)
-    rival = max((method for method in rollouts if method != "takt"), key=summary)
-    ours, theirs = rollouts["takt"], rollouts[rival]
-    only_takt = sum(ours[key][0] > theirs[key][0] for key in ours)
-    only_rival = sum(ours[key][0] < theirs[key][0] for key in ours)
-    apart = only_takt + only_rival
-    chance = min(1.0, 2 * sum(math.comb(apart, k) for k in range(min(only_takt, only_rival) + 1)) / 2 ** apart)
-    how = "ties with" if chance >= SURE else "beats" if only_takt > only_rival else "LOSES to"
-    (good, violated), (their_good, their_violated) = summary("takt"), summary(rival)
-    return (f"Takt {how} its best rival, `{rival}`: {good} against {their_good} of {len(ours)} rollouts succeed, {only_takt} by Takt alone and "
-            f"{only_rival} by `{rival}` alone (exact p {chance:.2g} over rollouts); {-violated:.1f} against {-their_violated:.1f} ticks in violation per rollout.")
+    compared = {rival: against(takt, artifact, rival) for rival in METHODS if rival != "takt"}
+    rival = max(compared, key=lambda name: (compared[name][1]["both"] + compared[name][1]["only_b"], -compared[name][3]))
+    pairs, success, ours, theirs = compared[rival]
+    how = "ties with" if success["exact_p"] >= SURE else "beats" if success["only_a"] > success["only_b"] else "LOSES to"
+    return (f"Takt {how} its best rival, `{rival}`: {success['both'] + success['only_a']} against {success['both'] + success['only_b']} "
+            f"of {pairs} rollouts succeed, {success['only_a']} by Takt alone and {success['only_b']} by `{rival}` alone "
+            f"(exact p over {success['seeds']} seeds {success['exact_p']:.2g}); {ours:.1f} against {theirs:.1f} ticks in violation per rollout.")
 
 
-def run(takt, panel):
-    """Every rollout of the panel, as rollouts_of has them."""
+def run(takt, panel, look=lambda artifact: None):
+    """Every rollout of the panel, as rollouts_of has them, and what `look` sees in its artifact."""
     with tempfile.TemporaryDirectory() as made:
         folder = pathlib.Path(made)
         (folder / "panel.yaml").write_text(yaml.safe_dump(panel, sort_keys=False))
@@ -67,7 +70,7 @@ def run(takt, panel):
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         if done.returncode != 0:
             sys.exit(f"takt panel run: {done.returncode}\n{done.stdout[-2000:]}")
-        return rollouts_of(folder / "out/rollouts.jsonl")
+        return rollouts_of(folder / "out/rollouts.jsonl"), look(folder / "out")
 
 
 def rows_of(rollouts):
@@ -106,15 +109,15 @@ def differences(told, key, cell):
 def main():
     root, takt = pathlib.Path(sys.argv[1]), sys.argv[2]
     if sys.argv[3:4] == ["--verdict"]:
-        print(verdict(rollouts_of(pathlib.Path(sys.argv[4]))))
+        print(verdict(takt, sys.argv[4]))
         return
     page = root / "docs/panels.md"
     before, _, rest = page.read_text().partition(BEGIN)
     made, _, after = rest.partition(END)
     panel = panel_of(root)
     if sys.argv[3:] == ["--write"]:
-        rollouts = run(takt, panel)
-        page.write_text(before + BEGIN + verdict(rollouts) + "\n\n" + table_of(rows_of(rollouts)) + END + after)
+        rollouts, sentence = run(takt, panel, lambda artifact: verdict(takt, artifact))
+        page.write_text(before + BEGIN + sentence + "\n\n" + table_of(rows_of(rollouts)) + END + after)
         return
     table = made[made.index("| task"):]
     told = [[cell.strip(" `") for cell in line.strip("|\n").split("|")] for line in table.splitlines()[2:]]
@@ -123,7 +126,7 @@ def main():
         task, kind, dose = row[0], row[1], float(row[2])
         panel["perturbations"] = [{"kind": kind} if kind == "none" else {"kind": kind, "dose": dose}]
         panel["tasks"] = [each for each in panel_of(root)["tasks"] if each["task"] == task]
-        found += differences(row, (task, kind, dose), rows_of(run(takt, panel))[task, kind, dose])
+        found += differences(row, (task, kind, dose), rows_of(run(takt, panel)[0])[task, kind, dose])
     if found:
         sys.exit("\n".join(found) + "\ndocs/panels.md is of another program: tests/docs/headline_table.py . TAKT --write")
     print(f"{SAMPLE} of {len(told)} rows of the headline's table are today's")

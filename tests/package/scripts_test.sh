@@ -52,7 +52,7 @@ for status in '{"drives_enabled":true}' ''; do
 done
 echo '{"drives_enabled":false}' >"$root/status"
 touch "$root/is-stopped"
-# A robot that somebody started by hand.
+# A robot that was started by hand.
 python3 -c 'import signal; signal.pause()' takt-executive --runtime-dir "$root/by-hand" >/dev/null 2>&1 </dev/null &
 by_hand=$!
 echo "$by_hand" >"$root/executives"

@@ -26,9 +26,9 @@ enum class For : std::uint8_t {
   has_deadline,       // 1400:05 is there
   watches_heartbeat,  // it is not
   cst,
-  own_loop,  // csp, csv
-  csp,
+  own_loop,           // csp, csv
   watches_following,  // csp, with a window of ours
+  keeps_following,    // csp, without
   csv,
 };
 
@@ -201,8 +201,8 @@ constexpr Row kScript[] = {
     {Action::write_if_there, kFollowingTimeout, 2, following_timeout, same, For::watches_following},
     {Action::compare_if_there, kFollowingWindow, 4, following_window, same, For::watches_following},
     {Action::compare_if_there, kFollowingTimeout, 2, following_timeout, same, For::watches_following},
-    {Action::show, kFollowingWindow, 4, not_named, same, For::csp},
-    {Action::show, kFollowingTimeout, 2, not_named, same, For::csp},
+    {Action::show, kFollowingWindow, 4, not_named, same, For::keeps_following},
+    {Action::show, kFollowingTimeout, 2, not_named, same, For::keeps_following},
 };
 
 struct Abort {
@@ -364,8 +364,8 @@ bool Setup::row_applies() const noexcept {
       return values_.mode == config::Cia402Mode::cst;
     case For::own_loop:
       return values_.mode != config::Cia402Mode::cst;
-    case For::csp:
-      return values_.mode == config::Cia402Mode::csp;
+    case For::keeps_following:
+      return values_.mode == config::Cia402Mode::csp && values_.following_window == 0;
     case For::watches_following:
       return values_.mode == config::Cia402Mode::csp && values_.following_window != 0;
     case For::csv:

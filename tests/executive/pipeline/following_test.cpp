@@ -111,7 +111,7 @@ TEST(Following, StopsAndLetsGo) {
   rig.run(500);
   EXPECT_EQ(rig.mode(), Mode::damped_stop);
   EXPECT_LT(std::abs(rig.out->record.joints[1].tau_total), 0.1F * rig.config.joints[1].limits.torque)
-      << "whoever holds the joint is pushed no more";
+      << "the hand is pushed no more";
   rig.let_go();
   float fastest = 0;
   for (int i = 0; i < 1000; ++i) {

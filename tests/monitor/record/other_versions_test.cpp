@@ -9,6 +9,8 @@
 #include <cctype>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <map>
 
 #include "evidence/review/replay.hpp"
@@ -186,6 +188,37 @@ TEST_F(OtherVersions, ADescriptionOfAStrangerIsRefused) {
   EXPECT_THAT(Relayout::make(message_schema_of("").value(), ours).error(), HasSubstr("lacks `tick`"));
   EXPECT_THAT(Relayout::make(message_schema_of("uint64 tick\ngeometry_msgs/Pose pose\n").value(), ours).error(),
               HasSubstr("geometry_msgs/Pose"));
+}
+
+// A file that describes a topic anew for each message would cost a description's reading each time.
+TEST_F(OtherVersions, ATopicHasOneDescription) {
+  const RunFolder folder = RunFolder::create(path("twice")).value();
+  for (const char* file : {"config.yaml", "manifest.json"})
+    std::filesystem::copy_file(run_.folder.path() + "/" + file, folder.path() + "/" + file);
+  auto topics = run_topics();
+  topics.push_back(topics[static_cast<std::size_t>(Topic::tick) - 1]);
+  topics.back().schema = other_description();
+  auto writer = McapWriter::create(folder.ticks(), 1U << 30U, topics, {}).value();
+  CdrWriter message;
+  (void)scan_run(run_, of_ticks([&](const RecordedTick& tick) {
+                   encode_tick(tick.record, tick.crc, message);
+                   const bool is_odd = tick.record.header.tick % 2 != 0;
+                   writer.write(static_cast<std::uint16_t>(is_odd ? topics.size() : std::size_t{1}), 1,
+                                message.bytes());
+                 }));
+  writer.finish();
+  EXPECT_THAT(refusal_of(open_run(folder.path()).value()), HasSubstr("/takt/tick is described twice, and otherwise"));
+}
+
+// A schema record with a number that another has, before the file's own.
+TEST_F(OtherVersions, ANumberHasOneSchema) {
+  std::ifstream file(run_.folder.ticks(), std::ios::binary);
+  std::string bytes{std::istreambuf_iterator<char>(file), {}};
+  const std::string content("\x01\x00\x01\x00\x00\x00x\x00\x00\x00\x00\x00\x00\x00\x00", 15);
+  std::string record("\x03\x0f\x00\x00\x00\x00\x00\x00\x00", 9);
+  bytes.insert(8, record + content);
+  ASSERT_TRUE(replace_file(run_.folder.ticks(), bytes));
+  EXPECT_THAT(refusal_of(run_), HasSubstr("/takt/tick lacks `now`"));
 }
 
 TEST_F(OtherVersions, TicksOfWhichNoneCanBeReadAreNoEmptyRun) {
