@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The subcommands of `takt`: one file each, listed in one table (commands.cpp; operator_commands.cpp).
 //
 // An AddCommand adds its subcommand to the application; when the user picked it, the subcommand's callback runs the

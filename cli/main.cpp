@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `takt`: stops a robot and tells of it by itself, and hands every other command to takt-operate, beside it.
 #include <unistd.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What somebody probably meant who typed a command or option that does not exist.
 #pragma once
 

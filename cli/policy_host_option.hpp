@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `--policy-host` of the commands that roll robots out: the program that is the policy.
 #pragma once
 

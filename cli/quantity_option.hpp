@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Options that are quantities: a number in the option's own unit, or with a unit as in robot files (`--by 5`,
 // `--by 5deg`, `--by "0.1 rad"`). The help says the unit, also of the default.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/running_robots.hpp"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The robots that run on this machine, as far as their sockets tell: the systemd units' in /run/takt, and those of this
 // user, one folder each in config::runtime_home(). A folder whose socket nobody serves is stale and passed over.
 // Thread rule: one thread. Asking may take half a second for each executive that does not answer.

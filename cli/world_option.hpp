@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `--world` of the commands that roll robots out in virtual time: the process that plays their mechanics.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Speculation: a policy that is slow answers for states that are not there yet. It gives alternatives, each a chunk
 // with the state that it assumes the joints in at a later instant. They wait here, in the policy's own process; what
 // the robot is sent is the one whose assumption came true, or nothing.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt/client.h over PolicySession and SensorSession: what crosses into C is checked here, and no exception leaves.
 #include "client/takt/client.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A policy in a process of its own, behind takt/client.h: the robot file against what the policy says it is, the lease,
 // the newest observation as the terms that were asked for, stamps, and the chunk on its way out.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "client/policy_spec.hpp"
 
 #include <fmt/format.h>

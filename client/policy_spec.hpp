@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a policy behind takt/client.h says of itself, and how it is told that a robot file says otherwise. Plain values.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the chunks that this policy published lead the robot whatever it answers next (policy.action.join prefix), as
 // rows for the steps of the answer: row i is the path at observation.published_at + i * step_period, the instant of the
 // answer's step i.

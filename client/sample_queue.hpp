@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What came from one sensor between two observations: bounded, the newest survive, the others are counted.
 // Thread rule: one thread; nothing allocates after construction.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A sensor in a process of its own, behind takt/client.h: the robot file against what the sensor says it is, the
 // mailbox, and samples written in place.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a policy behind takt/client.h was shown for an answer, as bytes for the recorder
 // (executive/contract/policy_input.hpp): the quantities of the joints that its terms name, the samples behind its
 // streams and queues with their stamps, which images, and what was promised of the path being played.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A sensor of the robot file as takt/client.h shows it; points into it.
 #pragma once
 

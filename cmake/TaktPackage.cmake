@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # The Debian packages: what they hold beside programs, units and exported libraries, and how CPack makes them (`./dev
 # package`). `takt` is what a robot PC runs; `takt-engine-torchscript` adds TorchScript; `takt-dev` builds policies, worlds and engines in C; `python3-takt` is for policies in Python.
 

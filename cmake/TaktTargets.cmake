@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # How every target of the project is compiled: one place for language, warnings, determinism and sanitizers.
 
 set(CMAKE_CXX_STANDARD 23)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Which Takt this is: release, commit, and the sources that decide what a rollout computes.
 #
 #   include(version)               takt_identify(ROOT RELEASE) sets takt_version and takt_source_sha256

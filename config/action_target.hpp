@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a policy's action sets at each joint, and in which unit. Known to all rooms that read a policy's chunks.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a valid robot file costs or takes on trust: told by `takt config check`, refused by its --strict alone. Pure.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Values that a robot file may have and that hurt in silence. Thresholds are of the trade: a person who needs one of
 // them knows it, and reads a line.
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What no single key can know: relations between keys. Each complaint states its formula with the numbers in it.
 #pragma once
 

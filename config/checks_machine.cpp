@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Relations inside buses, joints and the model.
 #include <fmt/format.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Relations inside the policy: timing, shapes, the order of joints.
 #include <fmt/format.h>
 

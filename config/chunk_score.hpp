@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Numbers that a chunk monitor reads off a policy's answers. What each one measures: monitor/judge/chunk_scores.hpp.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The deploy.yaml that Isaac Lab based tools (Unitree RL Lab's exporter) write beside an exported policy: what it says,
 // as values. Python tags in it are data and are never executed.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes a robot file from a deploy.yaml and, where given, the robot's published model: everything they know is carried
 // over; what they cannot know (drives, CAN ids, the freshness contract) is written as FILL_IN, which the loader refuses
 // key by key until a person has replaced it. Nothing about the hardware is invented, unless a simulated robot is asked

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A YAML file as a plain tree in which every key and value knows its line and column.
 //
 // Only the part of YAML that cannot surprise is let through: no anchors, aliases, merge keys or tags, no second

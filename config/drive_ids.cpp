@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "config/drive_ids.hpp"
 
 namespace takt::config {

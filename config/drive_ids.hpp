@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which CAN ids a drive hears and speaks, by protocol: for filters, for telling drives apart, for noticing strangers.
 // Source of every number: the protocol's codec in drivers/. Pure.
 #pragma once

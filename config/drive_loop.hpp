@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Who closes a drive's control loop, and so what its setpoint must carry. A fact about protocols, known to all rooms.
 #pragma once
 

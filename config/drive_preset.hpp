@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One row of drive_presets.hpp, of which drive_preset_table.hpp has all.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Made of config/drives/*.yaml by config/drives/make_presets.py: change those.
 #pragma once
 

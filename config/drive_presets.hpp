@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ranges of the packed fields of drives that speak the MIT or the RobStride protocol: +-position, +-velocity, +-torque,
 // 0..kp, 0..kd.
 //

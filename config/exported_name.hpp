@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Names that other people's files give to tensors, joints, terms and elements. They come to stand in robot files,
 // refusals and logs; one that could be read there as more than a name is refused where the file is read, by all
 // readers.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How a configuration structure names its keys: once, in schema.cpp, through this interface. Three shells walk the same
 // declarations: the reader (YAML in), the writer (canonical YAML out) and the key table (documentation).
 //

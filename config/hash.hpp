@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Identities: of a configuration, a policy file, a list of joints.
 #pragma once
 

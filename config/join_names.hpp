@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // policy.action.join.kind, as a robot file spells it.
 #pragma once
 

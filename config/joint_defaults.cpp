@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "config/joint_defaults.hpp"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What several joints share, written once: each block of `joint_defaults` says which joints it is for, by patterns of
 // names (* any letters, ? one), and gives keys of `joints[]`. A joint's own key wins over every block, a later block
 // over an earlier one; sections are joined key by key. What comes out is the same robot, and the same hash, as one that

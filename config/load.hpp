@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Loads a robot file. Strict: unknown or duplicate keys, missing units, YAML octals and booleans-by-accident, reversed
 // ranges and count mismatches are refused with one line "file:line:column: what; how to mend".
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What earlier versions took in a robot file and this one does not, and what to write instead. A change that removes a
 // key, or a word that a key took, adds a row.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a published robot model (MJCF, URDF) says that a robot file needs. SI units; absent: the model does not say.
 #pragma once
 

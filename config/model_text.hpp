@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The text of a robot's model (MJCF, URDF) as one: what it includes stands where it is included, as MuJoCo reads it,
 // and comments are blank. Errors: one sentence, "FILE:LINE: what; how to mend".
 #pragma once

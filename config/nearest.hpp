@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a typist most likely meant.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How many numbers the policy is shown and how many it gives. Precondition everywhere: robot.policy.
 #pragma once
 

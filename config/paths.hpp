@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where a running robot's sockets live, given its runtime directory.
 #pragma once
 

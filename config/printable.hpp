@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Text that others wrote (robot files, manifests, drives), fit for a terminal.
 #pragma once
 

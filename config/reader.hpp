@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Fills a configuration structure from a YAML tree and says everything that is wrong with the tree: unknown and missing
 // keys, wrong types, missing or wrong units, values out of range, unknown names, wrong counts.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A robot, as its configuration file describes it: parsed strictly, validated, in SI units. Read by every process;
 // all of them must hold the same hash. Source of every number: the robot file, with file:line:column in any complaint.
 #pragma once

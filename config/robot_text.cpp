@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "config/robot_text.hpp"
 
 #include "config/printable.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Text of others in a robot file, whatever is in it, on one line.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The keys of a robot file: their names, units, ranges, defaults and meaning, declared once.
 #pragma once
 

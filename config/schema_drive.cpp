@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Keys: joints[].drive. Some belong to one protocol only, and are neither asked for nor accepted with another.
 #include <algorithm>
 #include <array>

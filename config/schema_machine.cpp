@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Keys: buses, joints, model, safety.
 #include <array>
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Keys: sensors, imu, policy, fallbacks, degraded, stops.
 #include <array>
 

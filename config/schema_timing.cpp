@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Keys: control, freshness, feedback, bus_faults.
 #include <array>
 

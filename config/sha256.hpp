@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SHA-256 of what comes in pieces, and of whole files. Thread rule: one thread per object.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The causes that `stops` of a robot file may name: those that the executive's table answers with a damped stop
 // (executive/setup/tick_config_of.cpp asserts that the two agree).
 #pragma once

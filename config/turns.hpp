@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which ticks each drive is written to, of those that are written to every n-th (`drive.every`): spread so that every
 // tick puts about as many drives on a bus as any other. Pure; a function of the robot file alone.
 #pragma once

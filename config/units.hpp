@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The units a robot file may use, and the quantities written in them ("120 ms", "1.57 rad", "18 Nm").
 //
 // Each dimension has one base unit (the first of its list) in which Takt computes; the others are converted when read.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Canonical YAML of a configuration structure: base units, shortest numbers that read back equal; and of the keys that
 // have a default either all, or those that say something else. A key whose default is something of the robot's own
 // (its drive's model) is always written.

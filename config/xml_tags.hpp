@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The tags of an XML text in the order in which they stand, for those who change a text where it stands and must keep
 // its lines. Not a parser: whether the text is well-formed is the reader's business that is given it afterwards.
 // One pass: the time grows with the text's length, whatever stands in it. Pure.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A participant in the DDS domain that a robot file's `dds` section describes.
 // Thread rules are Cyclone DDS's own: its entities may be used from any thread.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "dds/domain_xml.hpp"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The robot file's `dds` section in Cyclone DDS's words. Nothing else configures it: CYCLONEDDS_URI is not read.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ROS 2's type hashes (REP 2016, "RIHS01"): SHA-256 over a JSON description of a message and of what it refers to. ROS
 // 2 carries them in USER_DATA of writers and readers; from them its tools tell that both sides mean the same message.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Summaries of closed runs, each written by a process of its own: to read a long run again takes tens of seconds and 64
 // bytes per tick, and the executive's next session must not wait for that, nor be lost with its memory.
 // Thread rule: one thread at a time.

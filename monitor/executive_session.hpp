@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A reader's hold on a running executive: the lease, its four rings mapped read-only, and what is known about the
 // process at the other end. Letting go of it is closing the connection; the executive's loop notices neither.
 #pragma once

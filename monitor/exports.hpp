@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Everything the monitor tells besides the run folder: ROS 2, Prometheus and OpenTelemetry, each where the robot file
 // has its section (`dds`, `prometheus`, `otlp`). Lives as long as the monitor; sessions of the executive begin and end.
 // Nothing here makes recording wait. Thread rule: one thread.

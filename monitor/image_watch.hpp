@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The recorder's own eyes: reads every image sensor that the robot's policies are shown, as any reader does, and keeps
 // the newest images in memory. When a policy's process says that one of them was shown (policy_input.hpp), it is
 // hashed, written into the run folder (record/image_store.hpp) and handed on as a ShownImage. So a file's bytes are the

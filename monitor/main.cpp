@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt-monitor: records what an executive does into run folders, and tells ROS 2, Prometheus and OpenTelemetry where
 // the robot file says so. Tells the executive how far the run has reached its medium, and else only reads, unless its
 // `dds` section allows requests; the executive's loop waits for nothing here. Or writes the summary of one closed run.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The recorder's hold on what one policy's host says of its network's inputs: a connection and a ring of its own, for
 // one session of the host after the other. The executive hands the ring out and closes the connection when the session
 // ends; what is left in the ring is read then, and the next session's is asked for. Beyond a ring's worth at once, two

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Two policies on the same observations: do they say the same, and how long does each take?
 //
 // Observations are 16 in sequence, of a fixed sequence of numbers in [-1, 1), the same on every machine; hidden state

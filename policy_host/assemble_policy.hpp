@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The policy that a robot file names, of networks that any engine loads (engines/load_policy.hpp chooses it): an ONNX
 // file, or the YAML of a LEAPP bundle with its networks beside it. Every value that it is shown comes from a term of
 // the robot file, and every value that it gives goes where the robot file says; a sampler (flow/flow_policy.hpp) stands

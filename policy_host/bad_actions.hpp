@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Commands made wrong on purpose: a NaN, a target far off, outputs that go to the wrong joints. For simulated rollouts
 // and for a policy host that was asked to misbehave. Pure. No allocation.
 #pragma once

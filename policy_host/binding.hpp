@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Does a robot file feed a policy what its exporter says that it needs, and send what it says where that belongs?
 //
 // Inputs: of joints, the joints by name and in order; of the base, the frame and the quaternion's order; of a sensor,

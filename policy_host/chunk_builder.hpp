@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A command chunk from the network's output: joint target = offset + scale * output, mapped to the robot's joints.
 //
 // Shapes: the output is steps * outputs_per_step values, step by step; then as many for each further output that the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Joins that need the chunks of before (policy.action.join: blend, ensemble, align, quintic): the policy's host mixes
 // them into its answer before it publishes it, and the executive plays what it is sent. old(t) is the path that was
 // published before, new(t) the answer; both speak of the same instants, step k of either being meant for k step periods

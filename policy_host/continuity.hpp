@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Does an observation go on where the last one answered ended? Where not, what a policy remembers is worthless.
 //
 // It does not at the start of a session, when ids run backwards, when more than kMaxGap observations more were missed

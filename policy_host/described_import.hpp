@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What an exporter says of a policy, in the form that a robot file is written from. What it does not say becomes
 // FILL_IN there, with the reason beside it; a source that no robot has of itself (the base's linear velocity) too.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What an exporter says of a policy's inputs and outputs, in one form for all exporters that say it (LEAPP's YAML,
 // exploy's metadata). What is not said stays unsaid; nothing is filled in.
 #pragma once

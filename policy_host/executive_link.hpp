@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The policy's lease at the executive: observations in (read-only), command chunks out, and what they were made from
 // where that is recorded.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What exporters of the mjlab and whole_body_tracking family leave in an ONNX file's metadata_props: lists separated by
 // commas, joints in the policy's order. Read as written; a list that is not there stays empty, none is filled in.
 //

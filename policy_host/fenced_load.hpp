@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A robot's policy loaded where it cannot get at the control loop: the process is kept off the executive's processor
 // before anything of an engine runs (processor_fence.hpp), thread pools are told policy.engine.threads, and what was
 // loaded is held to both.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The policy host's shell: attaches, waits for observations, answers them, publishes, says how it goes.
 //
 // The executive and the sensors may start, stop and restart at any time and in any order; the host attaches again with

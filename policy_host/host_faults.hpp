@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a policy host does wrong because its command line says so, for panels with real processes and for drills:
 //
 //   --fault '3 s for 2 s: publish_delay 100 ms'   commands are published this much later

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the policy host says about itself every ten seconds: commands per second, inference time, observations dropped.
 // Pure; room for a window's samples is kept, so that adding allocates nothing once warm. Thread rule: one thread.
 #pragma once

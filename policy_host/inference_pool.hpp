@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Several networks of one policy, each in a thread of its own, for several requests in flight
 // (policy.requests_in_flight).
 //

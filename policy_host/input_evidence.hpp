@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a policy's network was shown and what it said, as bytes for the recorder (executive/contract/policy_input.hpp).
 //
 // Of a policy host; what a policy behind takt/client.h is shown, client/shown_evidence.hpp packs. Pure:

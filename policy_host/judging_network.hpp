@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ONNX Runtime as a judge: its session behind the Network port with nothing in between, for what another engine made of
 // the same file. Thread rule: as onnx_runtime.hpp.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt-policy-host: runs the policy of a robot file, by the engine that it names, beside the executive, which does not
 // trust it.
 #include "policy_host/engines/load_policy.hpp"

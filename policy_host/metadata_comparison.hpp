@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A robot file against what an exporter says of joints and actions: what contradicts it is refused, what a robot may
 // have of its own (gains, pose) is said.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One network behind whichever engine runs it: tensors in, tensors out.
 //
 // Tensors are row-major float32. Inputs are zero until written, and stay as they are over run(). Thread rule: one

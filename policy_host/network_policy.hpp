@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Networks behind the Policy port, and what feeds what: the observation, each other, their own past.
 //
 //   observation   the inputs that carry it, one after the other

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A condition that may last: said when it begins or changes, and again every ten seconds, not at every retry; and a
 // line a second at most, for it may change with every message of a stranger, and come and go. Thread rule: one thread,
 // never the control thread.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The network's input vector from an observation, as the robot file's terms describe it: scale, history, joint order.
 //
 // Shapes: input_size() values; histories oldest or newest first, laid out by term (each term's history together) or

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "policy_host/onnx_policy.hpp"
 
 #include <utility>

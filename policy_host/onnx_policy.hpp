@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The built-in engine (policy_host/onnx) behind the Network and Policy ports. Which tensors are what:
 // policy_tensors.hpp and, for a robot's own policy, assemble_policy.hpp.
 //

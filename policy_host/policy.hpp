@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A learned policy as the host sees it: numbers in, numbers out. The port behind which inference engines stand.
 //
 // Sizes are fixed after load and at least 1. infer() reads the whole input and writes the whole output; a recurrent

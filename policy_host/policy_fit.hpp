@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Does this policy belong to this robot? The sizes that a robot file's observation terms and action add up to
 // (config/observation_shape.hpp) are compared with what the network wants, before anything attaches to the executive.
 //

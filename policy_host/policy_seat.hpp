@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where a policy takes its seat when there is no executive: the executive's socket and mailboxes alone. Whatever
 // attaches to an executive as the policy (takt-policy-host, libtakt-client, the Python package) attaches here as it is:
 // on another machine than the robot (remote/server.hpp), and in virtual time (evidence/rollout/policy_process.hpp).

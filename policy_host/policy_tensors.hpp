@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What each tensor of a network is to a policy, by the names that its exporter gave them, whichever engine runs it.
 //
 // The inputs named in `input` carry the observation, one after the other; one output the actions, and further ones what

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A policy file tried out before anything moves: which engine `policy.engine: auto` takes for it, whether it loads
 // there, and the same network in ONNX Runtime, to judge it by (agreement.hpp).
 //

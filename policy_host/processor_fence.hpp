@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Keeps inference off the executive's processor, whatever its libraries do: a thread of theirs beside the control loop
 // costs a cold cache at best, and with real-time priority the loop.
 //

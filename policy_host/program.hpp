@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The policy host around any engine: everything that takt-policy-host does, behind one function.
 //
 // It reads the robot file, builds observations, paces itself by them, takes samples of outside sensors, stamps every

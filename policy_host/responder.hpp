@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One observation in, one command chunk out: input vector, inference, joint targets, what the answers before leave of
 // them (chunk_mixer.hpp), stamps. Everything a policy host
 // does between reading and publishing, without the reading and publishing.

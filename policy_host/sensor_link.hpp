@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One outside sensor: attaches to the process that serves it as often as needed, keeps its newest sample.
 //
 // Before the first sample, and after the sensor's process restarted until it publishes again, the sample kept is the

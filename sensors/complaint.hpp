@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is wrong is said once, until something else is; and after five lines in a row one a second at most, for what is
 // wrong may change with every message of a stranger. Thread rule: one thread.
 #pragma once

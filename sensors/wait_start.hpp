@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // When what is taken now may have come at the earliest. Pure.
 //
 // A process that did not run for a while finds what came meanwhile and cannot tell it from what comes now. What it

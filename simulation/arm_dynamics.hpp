@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rigid-body dynamics of one or several serial arms on one base, from the configuration's link model:
 // M(q) ddq + c(q, dq) + g(q) + friction = tau. Arms do not feel one another.
 //

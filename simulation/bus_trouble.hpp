@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What strangers do to one bus, and how it loses frames. Pure, virtual time; same seed, same losses.
 //
 // A babbler sends as many empty frames as the bus's bit rate carries, on an id nobody listens to. A rival is a second

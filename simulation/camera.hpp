@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The target and the camera that sees it: a sample is taken at the shutter and is ready after a delay with
 // jitter.
 //

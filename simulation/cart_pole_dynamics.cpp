@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulation/cart_pole_dynamics.hpp"
 
 #include <Eigen/LU>

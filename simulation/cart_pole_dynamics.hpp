@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A cart on a belt that carries a pole on a free pivot: M(q) ddq + c(q, dq) + friction = tau.
 //
 // Joint 0 is the pulley, rad; the cart stands at pulley_radius times it. Joint 1 is the pole, rad, 0 upright, positive

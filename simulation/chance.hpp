@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random decisions that are the same on every standard library, unlike its distributions.
 #pragma once
 

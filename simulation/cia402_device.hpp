@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A CANopen servo drive (CiA 301, CiA 402) with the cyclic synchronous modes position, velocity and torque.
 //
 // NMT state      entered by                                                does

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The object dictionary of a simulated CiA 402 drive: values, access rules, and the rules for configuring PDOs.
 //
 // What a write must keep to, else the abort code of CiA 301: the object exists (06020000, its sub-index 06090011), may

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulation/cia402_power.hpp"
 
 namespace takt::plant {

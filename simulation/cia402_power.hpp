@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The power state machine of CiA 402, in the drive: what a controlword does, what the statusword says.
 //
 // state                leaves with the controlword                                  or by itself

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What CiA 402 drives differ in, as far as a host has to care. The default is a drive with everything.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The settings inside a simulated Damiao drive, and the questions and orders about them.
 //
 // On id 0x7FF, 8 bytes: drive number in two, low byte first, an operation (0x33 read, 0x55 write, 0xAA store, 0xCC

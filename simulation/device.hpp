@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A drive as the bus sees it: the other half of a protocol, with a motor behind it. One class per protocol, written
 // from the protocol's facts alone and without the host's codec, so that the two check each other.
 //

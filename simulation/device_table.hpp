@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which class plays which protocol's drive. Adding a protocol: docs/adding-a-drive.md.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Drives without a robot: a file that lists buses and devices, read as strictly as a robot file.
 //
 //   schema: takt.devices/1

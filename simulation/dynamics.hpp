@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the drives' torques move: the port between drives and mechanics. Implementations: a whole robot's
 // (mechanics.hpp), FreeInertias (one flywheel per drive). Shapes: one value per joint. Units: rad, rad/s, Nm, joint
 // side. Thread rule: one thread at a time.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mechanics of drives that carry nothing but a flywheel each: J ddq + friction = tau. No gravity, no stops, no
 // coupling. Semi-implicit with friction implicit, as ArmDynamics: without friction the speed after constant torque is
 // exact, and a wheel at rest stays there up to a creep of kRestSpeed.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A command of the user's, kept as a process of ours: with all its children it ends when it is told to, and when we do.
 //
 // Thread rule: one thread at a time. A copy of this object in a forked child knows of no process.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt-plant: the device side of a simulated robot. Drives on the CAN buses, behind them an arm or a cart with a pole,
 // and a camera; or nothing but flywheels; and what a scenario file lets go wrong.
 // Exit codes: 0 ended by a signal, 64 usage, 65 robot, devices or scenario file refused, 69 a bus or socket is not to

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The dynamics of a whole robot, with the two points its task is about. Implementations: ArmDynamics, CartPoleDynamics,
 // MujocoMechanics; the robot file says which.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A drive that speaks the MIT protocol.
 //
 // Every 8-byte frame with its id is answered before it is obeyed: the reply tells the state as it was. Seven FF and a

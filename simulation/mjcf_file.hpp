@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A model file of newer MuJoCo versions as version 2.2.2 reads it: what it does not know and the simulator does not
 // // taken out, paths become absolute. Line numbers stay. A URDF is given the <mujoco> element that it lacks, and its
 // meshes are found as ROS finds them: package://NAME/REST in the folder NAME around or beside the file.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "simulation/model_survey.hpp"
 
 #ifndef TAKT_HAS_MUJOCO

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads a published robot model (MJCF, URDF) for what a robot file needs of it, by MuJoCo itself.
 //
 // Torque: `actuatorfrcrange` of the joint, else what its actuator may give (forcerange, or a motor's ctrlrange by its

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A moteus controller behind its register protocol, over CAN FD.
 //
 // A frame's writes are obeyed in order, then its reads are answered in one frame, if the source asks for a reply. Mode

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A robot in MuJoCo's physics: the user's own model (MJCF) with its contacts, friction, terrain and free base, driven
 // by the torques of the robot file's simulated drives. The model's joints are found by name; its actuators are not
 // used.

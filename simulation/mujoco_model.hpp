@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A model file in MuJoCo's memory, mended for version 2.2.2 where needed. Errors: one sentence, MuJoCo's own with the
 // file's line.
 #pragma once

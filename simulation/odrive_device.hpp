@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An ODrive with firmware 0.6 that speaks CANSimple, as a drive that was set up for this host.
 //
 // It broadcasts by itself: encoder estimates every millisecond, heartbeat and torques every 10 ms, temperatures, errors

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mechanics that another process plays (world_link.hpp). Begins where that process says, after a reset with a seed and
 // the robot file's home pose. When the world ends, the robot stops where it was and stays there; end() says why.
 //

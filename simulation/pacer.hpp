@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How many steps are due, and when to look again: wall time into steps, tolerant of a host that stalls.
 //
 // A short stall is caught up with, step by step; of a long one only the last kMaxCatchUp steps are run, the rest is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Drives, encoders and gearing in front of some mechanics, stepped in virtual time, without I/O.
 //
 // Each step: encoders are read (quantised), every drive computes its torque from the newest command it has, the torque

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The plant's end of every configured bus: the hub itself where the bus is a loopback, a SocketCAN node elsewhere.
 // Thread rule: one thread at a time. Errors: one sentence.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The way from a drive to its bus, and what can go wrong on it. Pure, virtual time; same seed, same losses.
 // Without a fault every frame arrives at the instant it was said. Thread rule: one thread at a time.
 #pragma once

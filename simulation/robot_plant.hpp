@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The simulated robot: a plant whose mechanics are what the robot file describes.
 #pragma once
 

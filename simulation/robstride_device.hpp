@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A drive that speaks the private protocol of RobStride and CyberGear.
 //
 // Frames with 29-bit ids and its number as target are obeyed, then answered: with feedback (motion 1, enable 3, stop 4,

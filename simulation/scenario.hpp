@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What goes wrong in a simulation, and when: a scenario file, read as strictly as a robot file.
 //
 //   schema: takt.scenario/1

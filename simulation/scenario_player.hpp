@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Plays a scenario on a plant: turns each event's fault on and off when its time comes, and says so. Pure, virtual
 // time. Faults that overlap add up: the longer delay, the larger loss, the worse bus state, the later push and payload
 // hold.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What an outside sensor has sensed: a sample of numbers, or of images the stamps of one and what is in it.
 #pragma once
 

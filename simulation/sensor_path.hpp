@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The way from an outside sensor to its mailbox, and what may go wrong on it: samples lost, held back and delivered
 // together, old values under fresh stamps, or the opposite of what was sensed. Pure, virtual time. Thread rule: one
 // thread at a time.

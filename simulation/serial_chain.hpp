@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One chain of links, each carried by the one before it, in rigid-body terms: KDL behind Eigen.
 // Shapes: one value per joint of the chain. Units: rad, rad/s, Nm, kg m^2. Thread rule: one thread at a time.
 // Source: orocos-kdl ChainDynParam, ChainIdSolver_RNE.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The outside sensors that a simulation plays, from what is sensed to their mailboxes: the robot file's camera, the IMU
 // of the mechanics, and a world's sensor and images; by way of what a scenario lets go wrong. A world's sensor takes
 // the camera's place. What is not played here, a process of the user's plays.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A robot's mechanics with what the world adds: a force, a point mass, more friction in the joints. Both act at the
 // tool; that of a cart with a pole is the pole's tip. In MuJoCo they act at any body by name, by themselves at the
 // root; there the mass is at the body's centre of mass. Everything else passes through. Units: N, kg, base frame.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the simulated robot really did, as JSON lines, so that tracking can be judged without asking the executive:
 //   {"monotonic_ns":..,"q":[rad],"dq":[rad/s],"tool":[m],"target":[m],"error_m":..}
 // tool: what the task wants at its target; a cart, where there is one.

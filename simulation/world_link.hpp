@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Takt's end of the world protocol (docs/world-protocol.md): one process of the user's plays the robot's mechanics, one
 // question and one answer at a time. What comes from it is copied once, then judged; a world that hangs, dies, answers
 // nonsense or gives up ends the link with a WorldEnd, and every later call repeats it.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A world for one simulation after the other, as panels need them: either one that listens already, or a command that
 // starts it. A command's process is started when it is first needed, serves every simulation, and is ended by give_up()
 // or with this object, all its group with it; the next begin() starts it anew.

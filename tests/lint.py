@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """clang-tidy on every source of the product, as the given build folder compiles it.
 
 What was clean stays clean: a source is checked again only when it, one of the project's headers that its last build

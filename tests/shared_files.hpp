@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Models and policies as their makers published them, in the folder `shared` beside the checkout. A clone has none:
 // tests that need one skip, and say so. CI has them: with TAKT_REQUIRE_SHARED=1 what would skip fails.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt ablate: which protection costs what on this robot.
 #include <fmt/format.h>
 

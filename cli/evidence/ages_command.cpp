@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt ages: the freshness contract over a list of ages, from wherever they come.
 #include <fmt/format.h>
 

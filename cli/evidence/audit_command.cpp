@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt audit: is a panel's artifact, or a run folder, ready to be audited, what is missing, and what the verdict rests
 // on.
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt budget: which loop rates fit the stages of a loop, and how old the commands then are.
 #include <fmt/format.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt compare: two methods row by row, only where the same-artifact rule allows it.
 #include <fmt/format.h>
 

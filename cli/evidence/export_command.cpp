@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt export: runs in the forms that others train from.
 #include <fmt/format.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt margin: how far the stabiliser is from instability, and how old a command the task tolerates.
 #include <fmt/format.h>
 

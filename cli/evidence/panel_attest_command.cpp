@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt panel attest: what a panel showed of one way in which a robot is to stay on its feet, as a file for `shown_by`.
 #include <fmt/format.h>
 

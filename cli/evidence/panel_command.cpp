@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt panel: rollouts of a panel and their artifacts.
 #include "cli/command.hpp"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt panel merge: artifacts of one panel into one, never a mixture.
 #include <fmt/format.h>
 

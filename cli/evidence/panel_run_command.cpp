@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt panel run: runs a panel of rollouts in virtual time, into one artifact.
 #include <fmt/format.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt policy calibrate: what is usual in a policy's answers, as thresholds for its chunk monitors.
 #include <fmt/format.h>
 

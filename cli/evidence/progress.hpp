@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How far a long piece of work is, and how long it will still take. Nothing for its first 2 s; then on a terminal one
 // line with a bar, rewritten; elsewhere a line every 30 s.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/evidence/real_rollouts.hpp"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The rollouts of a panel with real processes, one robot at a time: each is one `takt run`, whose run folder the row is
 // computed from and names. OUT/runs/ID/ holds everything of one rollout:
 //

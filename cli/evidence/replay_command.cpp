@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt replay: does every recorded tick come out of the decision again, bit for bit?
 #include <fmt/format.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt report: the freshness report of a run folder, in the terminal and as report.html.
 #include <fmt/format.h>
 

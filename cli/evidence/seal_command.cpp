@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt seal: signs a finished artifact or a closed run.
 #include <fmt/format.h>
 

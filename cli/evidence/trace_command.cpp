@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt trace start, snapshot, stop: records the trace points of all Takt processes of this machine with LTTng's own
 // tools.
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt trace review: where the time went in a trace, and whether it agrees with the run's records.
 #include <fmt/format.h>
 

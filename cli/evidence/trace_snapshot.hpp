@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes down what a trace's flight recorder remembers: takt trace snapshot, for other commands.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Takt's processes on this machine, and which of them a session daemon knows: what waiting for a trace to begin needs.
 #pragma once
 

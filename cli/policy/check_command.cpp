@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt policy check: one policy file, in full, and whether it fits a robot.
 #include <fmt/format.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt policy: what a policy file is, before anything moves, and what it said in a run.
 #include "cli/command.hpp"
 

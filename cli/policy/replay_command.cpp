@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt policy replay: does the network say again what it said in a run, and what would another have said?
 #include <fmt/format.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `takt policy try` writes: policies tried, as a page of Markdown.
 #pragma once
 

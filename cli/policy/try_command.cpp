@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt policy try: a table over a folder of policies: which engine takes each, why not, error and time against ONNX
 // Runtime.
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt bus: what is on a robot's CAN buses.
 #include <fmt/format.h>
 #include <unistd.h>

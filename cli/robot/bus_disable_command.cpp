@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt bus disable: every drive of a robot is told to be disabled, until it says that it is. What the executive's unit
 // runs after the executive ended, however it ended; so a bus that is not there does not keep it from the others.
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt bus scan: who answers on a robot's buses.
 #include <fmt/format.h>
 #include <fmt/ranges.h>

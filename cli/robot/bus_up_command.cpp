@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt bus up: the kernel's CAN interfaces get the bit timing of the robot file, so that it stands in one place only.
 #include <fmt/format.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What brings a CAN interface up, step by step, and what a refusal of the kernel means. Pure.
 //
 // Bit timing and the restart after bus-off are set by commands of their own: since Linux 6.12.47 a driver that cannot

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the drives on a robot's buses say, decoded, without sending anything: a listener beside whoever drives them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt bus zero: where a joint is becomes its zero, in the drive or in the robot file.
 #include <fmt/format.h>
 

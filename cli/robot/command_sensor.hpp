@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The sensor of a robot file through which a person commands: what `takt command` and `takt gamepad` share.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt config check | show | keys: what a robot file says, what is wrong with it, and what it may say.
 #include <fmt/format.h>
 

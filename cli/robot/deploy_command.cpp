@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt deploy: a robot file and its policy become what this machine runs, and go back if they do not stand the test.
 #include <fmt/chrono.h>
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The robot that a store's deployments run as: whether it may be replaced now, restarting its processes, and watching
 // them. Shared by takt deploy and takt rollback. Thread rule: one thread.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/robot/direct_bus.hpp"
 
 #include <fmt/format.h>

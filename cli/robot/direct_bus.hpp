@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Access to a robot's buses without an executive, for the person at the robot. Whoever sends asks first
 // (require_alone).
 #pragma once

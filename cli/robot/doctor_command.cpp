@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt doctor: what on this machine stands between a robot and a punctual control loop.
 #include <fmt/format.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/robot/drive_listener.hpp"
 
 #include <poll.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Keeps one drive disabled and reporting, for commands of a person who stands at the joint. Real time; one thread.
 #pragma once
 

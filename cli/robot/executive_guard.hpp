@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What must not be done beside an executive. Each looks into every directory given that it may look into; an executive
 // that is there but cannot be asked (no permission, another version, no answer) counts as one that must not be
 // disturbed. Real interfaces are claimed besides (drivers/bus/interface_claim.hpp), which needs no rights.

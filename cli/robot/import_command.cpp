@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt config import: a robot file to fill in, from what an export knows: a deploy.yaml of Isaac Lab and Unitree's
 // tools, the YAML of a LEAPP bundle, or the metadata in an ONNX file of exploy's, mjlab's and whole_body_tracking's
 // exporters.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt joint jog: one joint, a little, softly.
 #include <fmt/format.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt joint home: where a joint is since power-on, by the word of the person who holds it there or sees it at its
 // stop.
 #include <fmt/format.h>

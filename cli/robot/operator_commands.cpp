@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt arm, stop, reset, mark, status: one request to the executive each.
 #include <fmt/format.h>
 

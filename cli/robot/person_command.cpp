@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt command: a person's wish (a velocity, say) as one of the robot's sensors, for as long as it is said.
 #include <fmt/format.h>
 

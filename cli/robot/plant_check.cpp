@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/robot/plant_check.hpp"
 
 #include "simulation/robot_plant.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What takt-plant would refuse of a robot file at its start: said before anything is started.
 #pragma once
 

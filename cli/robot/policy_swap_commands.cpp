@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt policy shadow, swap, back: another policy beside the one in charge of a live robot, in its place, and back.
 #include <fmt/format.h>
 

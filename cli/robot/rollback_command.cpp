@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt rollback: back to the deployment before, by hand.
 #include <fmt/format.h>
 

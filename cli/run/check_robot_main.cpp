@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether this version takes a robot file, for a package that is not unpacked yet (cmake/package/preinst): check-robot
 // FILE. Exit codes: 0 it does; 64 command line; 65 it does not, and why.
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A robot file that is valid in itself and fits what lies around it: its policy can be read, its buses carry their
 // load.
 #pragma once

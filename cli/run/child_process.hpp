@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One program that `takt run` started and answers for: it dies with its parent, runs in a process group of its own (so
 // that Ctrl-C reaches the supervisor only), writes its output to a log file, and is killed and reaped at the latest
 // when this object goes. Thread rule: one thread, the one that started it (PR_SET_PDEATHSIG is tied to it).

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a scenario sets against the robot's processes: hogs, throttling, crowds and the user's own loads. All of it ends
 // by itself or with this object. Thread rule: one thread.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Processes that do nothing but occupy processors for a while: contention by script, for `takt run --at`. Each ends by
 // itself after its time, dies with its parent, and is reaped here. Thread rule: one thread.
 #pragma once

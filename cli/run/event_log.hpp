@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes events.jsonl (monitor/record/run_events.hpp) while a robot runs: into the run folder as soon as the monitor
 // has made it, before that into memory. Thread rule: one thread.
 #pragma once

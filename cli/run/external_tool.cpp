@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/run/external_tool.hpp"
 
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Runs somebody else's program to its end and keeps what it said. No shell in between: arguments need no quoting.
 #pragma once
 

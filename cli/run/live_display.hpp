@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a person sees while a robot runs: on a terminal one line that is rewritten ten times a second, elsewhere one
 // line a second and one per change of mode. Notes get a line of their own. No colour, plain text.
 #pragma once

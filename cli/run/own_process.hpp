@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Work that leaves its process unfit for what comes after it, done in one of its own: loading a policy keeps a process
 // off the executive's processor for good, and what it starts (policy_host/fenced_load.hpp), and runs foreign code.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What takt-plant says in its log of the scenario that it plays: each fault as it begins and as it ends, with the
 // plant's own instant. Thread rule: one thread.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/run/policy_check.hpp"
 
 #include "config/bundle_name.hpp"

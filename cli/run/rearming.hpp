@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The person who ends stops, in real time, by the rule of the simulated one (evidence/rollout/operator.hpp): `after` a
 // stop or fault began, reset, reset in standby (joints stand where they read), and arm again once nothing blocks it.
 // Knows what a person could see: the executive's status. Pure. Thread rule: one thread at a time.

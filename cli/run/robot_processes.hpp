@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The processes of one robot, as `takt run` starts and ends them: takt-plant (when the robot file has `simulation`),
 // takt-executive, takt-monitor, takt-policy-host (when it has `policy`) and a second one of it (when it has a fallback
 // policy), all found beside the `takt` program; instead of the last two another program may stand, a

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt run: options, what can be refused before anything starts, and the supervisor.
 #include <fmt/format.h>
 #include <unistd.h>

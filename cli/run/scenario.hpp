@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `takt run --at 'T: ACTION'` makes happen, T after tracking began. Actions: `freeze PROCESS DURATION` (SIGSTOP,
 // then SIGCONT), `kill PROCESS` (SIGKILL), `start PROCESS` (one that died), `arm`, `stop`, `reset`; processes: policy,
 // monitor, plant, executive. Contention for processors (cpu_hog.hpp): `hog control DURATION` occupies the control

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The executive's status as a person and as a script wants to read it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `takt run` from start to end: starts a robot's processes and waits for each, arms, follows the run and its scenario,
 // and ends everything in the order that loses neither the robot nor the evidence. Nothing outlives it.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Keeps a LiveView fed from a running executive: attaches as a viewer, attaches again after a restart, and asks once a
 // second what only the service thread knows. Reads only; the executive's loop never learns of it.
 // Thread rule: one thread at a time. look() may wait up to kPatience for a service thread that is busy.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a person at `takt top` asks for by key. Arming needs a second key, and soon; a stop never does. Pure: the clock
 // is passed in. Thread rule: one thread at a time.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is known about a running robot right now, gathered from its record rings: the model behind `takt top`.
 //
 // Fed like a recorder, in order; asked with the reader's clock, which is the executive's (CLOCK_MONOTONIC). Memory is

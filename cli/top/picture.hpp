@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One look at a running robot, as plain values: what a screen or a script is told. Made by LiveView.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A picture under stable names, for scripts. Times in nanoseconds, angles rad, torques Nm, rates per second, shares
 // 0..1.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How much came per second, over the last whole second in bins of 100 ms. Fixed memory; times in any order as long as
 // they are at most a second old. Pure. Thread rule: one thread at a time.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `takt top` shows: a picture and the state of its keyboard in, lines of text out. Pure: same input, same lines.
 //
 // Never more lines than rows, never a line wider than columns. 80 x 24 holds twelve joints and four buses; with more

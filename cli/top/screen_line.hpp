@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A line of a terminal's screen as pieces of styled text, measured in cells. Every character that is ever put into one
 // takes one cell (names in robot files are ASCII, our own glyphs are narrow). Pure.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The drawings of the screen: the mode band, the age over time against its limit, bars. Pure.
 #pragma once
 

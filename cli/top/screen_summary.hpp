@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The screen's upper lines: what holds for the robot as a whole. Pure.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The screen's lower lines: buses and joints. Pure.
 #pragma once
 

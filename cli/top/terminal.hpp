@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The terminal while `takt top` has it: keys one by one and unechoed, the alternate screen, no cursor. The destructor
 // gives it back as it was; so do SIGINT, SIGTERM, SIGHUP and SIGQUIT, after which ended() holds, and SIGTSTP, which
 // suspends and comes back. After SIGKILL nobody can: `reset` mends the terminal then.

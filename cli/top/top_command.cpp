@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt top: a running robot, live in a terminal.
 #include <fmt/format.h>
 #include <unistd.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A world for Takt in JavaScript: a process that plays a robot's mechanics over its Unix socket (docs/world-protocol.md).
 // Needs Node.js and nothing else.
 //

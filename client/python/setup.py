@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What pyproject.toml cannot say: the library inside makes a wheel for one platform, and for every Python 3 there. The version is
 the project's, from the build (TAKT_VERSION).
 """

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Takt for a process of your own, in C: be a robot's policy, or one of its sensors.
  *
  * A policy reads observations of a running executive and answers them with chunks of joint targets. Age stays the

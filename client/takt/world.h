@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* A world for Takt in C: a process that plays a robot's mechanics, over shared memory. Nothing to link; needs Linux.
  *
  *   takt_world world;

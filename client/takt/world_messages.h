@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* What Takt and a world, a process of the user's that plays mechanics and sensors, say to one another in lock step.
  * docs/world-protocol.md is the protocol on one page; takt/world.h the world's side of it in C.
  *

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Manual pages and shell completion out of the programs' own --help: manual.py BIN_DIR VERSION OUT_DIR
 
 Writes OUT_DIR/man/man1/*.1.gz, one page per program and per first-level subcommand of takt (takt-run.1: takt run),

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """The list of what is in the programs, as SPDX 2.3 JSON: sbom.py VERSION DATE OUT BIN_DIR
 
 Shared libraries are those that the programs in BIN_DIR name, each with the Debian package that it comes from on this machine;

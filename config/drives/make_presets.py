@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """What is known of drive models, a sheet each (config/drives/MODEL.yaml), into what is made of it: the table of presets
 (config/drive_preset_table.hpp), that of docs/drives.md, and drivers/dbc/MODEL.dbc where all ranges are settled. Writes
 them; with --check writes nothing and says which is old. Exit codes: 0 fine, 1 old, 64 usage, 65 a sheet is wrong.

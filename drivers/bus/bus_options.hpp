@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What every bus implementation is told when it is opened.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The port to one CAN bus: what the control loop needs and nothing else. Implementations: SocketCAN, the embedded
 // loopback bus. Non-blocking and bounded: send and receive never wait and never allocate.
 // Thread rule: one thread at a time.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One frame's translations: to and from the kernel's struct canfd_frame (whose CANFD_FDF flag marks FD frames, as
 // Linux >= 6.2 does itself), and to and from the FrameRecord that the monitor receives.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/bus/can_link.hpp"
 
 #include <linux/can/netlink.h>

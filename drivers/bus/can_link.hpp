@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the kernel says of a CAN interface: bit timing as it was set, state and error counters of its controller.
 //
 // Source: linux/can/netlink.h, rtnetlink(7). Thread rule: any but the control thread; a system call or three.

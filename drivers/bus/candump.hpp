@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CAN frames as text in can-utils' log grammar, so that candump -L, canplayer, log2asc and python-can work on our
 // files:
 //   (1700000000.123456) can0 123#DEADBEEF R      standard id: 3 hex digits; extended: 8

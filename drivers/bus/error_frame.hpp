@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a CAN controller's error frames and a socket's error numbers mean for the bus; the one place that every bus,
 // real or loopback, asks. Pure.
 // Sources: linux/can/error.h; Documentation/networking/can.rst.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Owns one file descriptor: closed exactly once. The drivers know nothing of ipc, hence not its Descriptor.
 #pragma once
 

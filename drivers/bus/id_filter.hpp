@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The ids a node wants to see. No list: everything wanted. No allocation after construction.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/bus/interface_claim.hpp"
 
 #include <net/if.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One controller per CAN interface: whoever means to send on it holds this claim, whatever its runtime directory.
 //
 // A name in the kernel's abstract socket namespace, made of the interface's index. Like interfaces, such names belong

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A CAN bus for machines without one: a node's end of the loopback hub (loopback_hub.hpp), over a Unix SOCK_SEQPACKET
 // socket that carries one struct canfd_frame per message.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The wire of a loopback bus: passes every frame a node sends on to every other node. It belongs to takt-plant, which
 // is a node itself: the hub is the plant's own CanBus.
 //

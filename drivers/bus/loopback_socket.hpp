@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What both ends of a loopback connection share: address, socket, one frame out.
 #pragma once
 

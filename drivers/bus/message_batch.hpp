@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Up to kBatch waiting messages of a CAN-like socket, fetched with one recvmmsg and without allocation.
 // Thread rule: one thread at a time. Never waits.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Opens the bus a robot file names: SocketCAN when the interface exists, else the loopback bus when the file allows it
 // (when_missing: loopback), else a refusal; likewise where the controller's bit timing is not the robot file's. Set-up
 // only.

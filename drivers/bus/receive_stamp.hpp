@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Kernel receive stamps (SO_TIMESTAMPNS, CLOCK_REALTIME) on the system's one clock, and the other control messages that
 // travel with a received frame.
 //

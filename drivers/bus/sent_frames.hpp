@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Our own frames between the write and the wire: which were handed to the kernel, and which have left since.
 //
 // A controller hands a frame back once it is on the wire. Frames leave in the order in which they were handed over, so

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/bus/socketcan_bus.hpp"
 
 #include <linux/can/raw.h>

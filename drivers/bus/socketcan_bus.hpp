@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A real CAN interface through a non-blocking raw socket.
 //
 // Set-up: kernel filters for the wanted ids only, error frames for bus-off, error-passive, transmit time-out and

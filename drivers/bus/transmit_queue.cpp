@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/bus/transmit_queue.hpp"
 
 #include <linux/can.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Throws away what an interface still has to send: it is switched off and on again, which empties the kernel's queue
 // and makes the controller give up what it holds. Bit timing and queue length stay. Everybody on this machine who
 // listens on the interface is told that it went down, ourselves included.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a frame asks of one drive, protocol by protocol, read from its bytes alone. Pure; any frame may come.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the guard knows of one joint, computed once from the robot file, and what a frame asks of its drive. Joint side:
 // rad, rad/s, Nm, Nm/rad, Nm s/rad.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether a demand keeps the contract. Pure; `last` is updated by what may leave.
 //
 // No torque is excused for braking: one that brakes by a wrong estimate pushes.

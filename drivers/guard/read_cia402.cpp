@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sources: CANopenNode/CANopenNode 301/CO_NMT_Heartbeat.h, CO_SDOserver.h (ids, NMT, SDO); the CiA 402 object numbers:
 // 6040 controlword, 6060 mode, 607A, 60FF, 6071 targets.
 #include <algorithm>

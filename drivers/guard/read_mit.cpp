@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sources: bgkatz/motorcontrol Core/Src/can.c (unpack_cmd: p16 v12 kp12 kd12 t12, big-endian; seven FF and FC, FD, FE);
 // enactic/openarm_can dm_motor_control.cpp (FB; registers on 7FF).
 #include <algorithm>

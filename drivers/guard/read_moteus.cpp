@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sources: mjbots/mjlib mjlib/multiplex/format.h (subframes: write 00, read 10, no-op 50; type in bits 3..2, count in
 // bits 1..0 or in the byte after), mjbots/moteus docs/protocol/registers.md (registers, steps of the integer types).
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Source: odriverobotics/ODriveArduino src/can_simple_messages.hpp (firmware 0.6): id = node << 5 | message.
 #include "drivers/guard/decoders.hpp"
 #include "drivers/guard/wire_bytes.hpp"

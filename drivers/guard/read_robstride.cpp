@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Source: belovictor/cybergear-docs instructionmanual.md, section 4: id = type 5 | data 16 | target 8; type 1 carries
 // torque in the id and position, velocity, kp, kd as big-endian 16-bit codes; 3 enable, 4 stop, 17 read, 18 write.
 #include "drivers/guard/decoders.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sources: as the decoders'.
 #include "drivers/guard/replace.hpp"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What leaves instead of a frame that the guard refused.
 #pragma once
 

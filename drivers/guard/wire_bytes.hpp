@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bytes to numbers, and motor side to joint side, for this room alone.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/guard/wire_guard.hpp"
 
 #include "drivers/guard/decoders.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The last guard on the wire: reads every frame that is about to leave the way its drive will read it, and lets it pass
 // only if what it asks for keeps the contract. It shares no code with the encoders (tests/house/arrows_test.py: this
 // room may not include drivers/protocol); the protocols' facts come from docs/drives.md and the makers' papers named in

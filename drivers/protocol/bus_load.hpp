@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Can a bus carry what its drives say every tick, in the fullest one where some are written to every few (drive.every)?
 // Worst-case bits on the wire, stuffing included. Pure.
 //

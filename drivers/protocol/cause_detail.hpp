@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which joints or buses a cause is about, in words: from the record of the tick in which it held and the robot file.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The drive card: what a drive said of itself while it was set up, beside what the robot file says. Read from the
 // frames that drivers and drives exchange anyway; nothing is asked for here, and nothing decides by it. What a drive
 // does not tell stays unknown, and is never a 0 or a default.

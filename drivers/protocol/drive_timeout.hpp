@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The time-out inside a drive: commands cease, and the drive stops by itself. What we write where it can be written,
 // and what we accept where it cannot. Pure.
 #pragma once

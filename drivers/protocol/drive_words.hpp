@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The numbers by which a drive says which one it is and what runs in it, as words of 32 bits, and as the text that the
 // robot file (drive.identity, drive.firmware) and the drive card have of them. Pure.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A person's word on where a joint is, of a drive that cannot be told (position_after_power_up: one_of_several): kept
 // in the runtime directory for the next start of the executive, which takes it away. Nothing tells whether such a drive
 // was switched off in between: so a note holds once, for kHomeNoteLasts, until this computer restarts, for the robot

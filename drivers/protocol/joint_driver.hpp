@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One joint's drive behind its protocol: pure encode / decode, no I/O, and no control law: who closes the joint's loop
 // says config/drive_loop.hpp, and a setpoint for a drive that takes a torque or a velocity brings it finished. The
 // cyclic loop asks every driver for its frame in joint order, sends it on the joint's bus, and offers every received

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Numbers in a frame's bytes, least significant first, whatever the host's own order. Pure.
 // Precondition everywhere: the bytes lie inside the buffer.
 #pragma once

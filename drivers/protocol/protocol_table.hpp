@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a protocol brings to the host side, one row each. Adding a protocol: docs/adding-a-drive.md.
 #pragma once
 

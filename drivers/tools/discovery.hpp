@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Who is on a bus: what to ask a drive so that it tells who it is without moving or enabling anything, and how to read
 // its answer. One row per protocol in discovery.cpp. Pure.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/tools/home_place.hpp"
 
 #include <algorithm>

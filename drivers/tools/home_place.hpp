@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where a joint is since power-on, of drives that forget it: which do, how they are told, and what is kept for those
 // that cannot be told. Angles: rad, joint side. Pure.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Moves one joint a little, softly, without a policy: for finding out which drive is which and which way it turns.
 //
 // The reference starts where the joint is and goes to the target at `speed`; the spring between joint and reference is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/tools/led_joint.hpp"
 
 #include "drivers/protocol/protocol_table.hpp"

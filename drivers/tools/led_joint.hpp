@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What all that leads one joint softly, without a policy, looks after: `takt joint jog`, and the search for a stop.
 // Pure.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Leads one joint slowly against its mechanical stop, with a torque that it is never pushed harder than, and says where
 // it came to stand. For a joint of which nobody knows yet where it is: limits.position cannot hold, gravity cannot be
 // computed and is not carried. Anything odd ends it with the drive disabled.

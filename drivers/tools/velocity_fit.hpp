@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Does the velocity that a drive reports belong to its position? Fitted while a joint is moved and rests again.
 //
 //     q(t) - q(0) = scale * integral of dq + offset * t + constant          (least squares over the readings)

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A GPIO line as torque output, by libgpiod: requested as an output that does not permit torque, held until
 // destruction.
 #pragma once

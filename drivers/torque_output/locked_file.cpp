@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/torque_output/locked_file.hpp"
 
 #include <fcntl.h>

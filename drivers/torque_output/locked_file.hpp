@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A file as torque output, for simulated robots and tests: a lock on its first byte is the permission. As with a line,
 // the kernel takes it back when the process dies, however it dies; whoever wants to see it asks with F_OFD_GETLK. A
 // file that is removed meanwhile is an output that fails, and so is one whose lock somebody else holds.

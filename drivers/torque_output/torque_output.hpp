@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The output that permits the robot's torque: a line into the safe-torque-off input of its drives or supply. It adds a
 // way to take the torque that needs no bus and no drive's obedience. It is one channel of a general-purpose computer,
 // and no emergency stop.

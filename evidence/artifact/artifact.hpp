@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The artifact of a panel: one folder that carries success, failure, latency, safety and robustness together.
 //
 //   manifest.json         what the rows were computed from (artifact_manifest.hpp)

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // manifest.json of an artifact: what its rows were computed from. Two artifacts may be compared or merged only where
 // difference_between() finds nothing; the rows of one artifact must all agree with its manifest.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the fault classifier said of a panel's rollouts against what was planted in them: one confusion matrix per
 // method.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Several artifacts of one panel into one: methods side by side, or the shares of several machines.
 #pragma once
 

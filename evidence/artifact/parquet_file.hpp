@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A Parquet file in its simplest form: columns of single values or of lists of them, each a PLAIN uncompressed data
 // page per row group.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a row must satisfy before it is written and after it was read.
 #include <fmt/format.h>
 #include <fmt/ranges.h>

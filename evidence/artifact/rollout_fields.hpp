@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The one declaration of a rollout row's fields: name, place, allowed values, unit, meaning. JSON Lines, JSON Schema,
 // Parquet columns and documentation are loops over this table; none of them names a field by itself.
 //

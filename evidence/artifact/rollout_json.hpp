@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A rollout row as one line of JSON, and the JSON Schema of that line: both from rollout_fields().
 //
 // Strict both ways: a row that check() refuses is not written, and a line with a missing, unknown, repeated or

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // rollouts.parquet: the rows of an artifact as flat columns, one per field of rollout_fields(), named with underscores
 // for dots. Whole numbers are INT64, numbers DOUBLE, names and texts BYTE_ARRAY (UTF8), and a field that may be null is
 // an optional column.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One rollout of a panel, as one row: what ran, how it ended, and every number that a comparison may use. Success,
 // failure, latency, safety and robustness stand together because one script computed them from the same recorded ticks.
 //

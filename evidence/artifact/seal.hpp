@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What an artifact's files were when the program wrote them. A seal without a key shows an edit to whoever keeps the
 // artifact id, and to no forger: what the rows say is proved by computing some of them anew (takt audit --recompute).
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Who stands by an artifact or a run folder: an Ed25519 signature over its seal, in the file seal.dsse.json beside it.
 //
 // The file is a DSSE envelope (github.com/secure-systems-lab/dsse, version 1) around an in-toto Statement v1 with the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evidence/artifact/thrift_compact.hpp"
 
 #include <utility>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes one Thrift struct in the compact protocol, as far as Parquet's page headers and footer need it: i32, i64,
 // binary, lists and nested structs. Field ids must rise within a struct; the caller keeps begin and end in pairs.
 // Source: github.com/apache/thrift, doc/specs/thrift-compact-protocol.md.

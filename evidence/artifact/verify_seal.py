@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Says whether an artifact of `takt panel`, or a run folder, is the one that was sealed, and signed, without any code of Takt's.
 
 Usage: verify_seal.py DIR [--key PUBLIC.pem]

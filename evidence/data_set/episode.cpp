@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evidence/data_set/episode.hpp"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a run holds for training: the stretches in which the robot followed its policy, frame by frame at the policy's
 // rate.
 //

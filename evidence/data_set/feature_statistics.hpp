@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What trainers normalise by: per value of a feature its range, mean, standard deviation (of the population) and
 // quantiles, exact and linear between neighbours.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evidence/data_set/lerobot_data_set.hpp"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A LeRobot data set, format v3.0, of the episodes of one robot's runs:
 //
 //   meta/info.json, meta/stats.json, meta/tasks.parquet, meta/episodes/chunk-000/file-000.parquet

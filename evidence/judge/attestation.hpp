@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a panel showed of one way in which a robot that can fall is to stay on its feet: a stop by holding, or
 // by the fallback policy, or what degraded mode falls back to. A small file that a robot file names in `shown_by`.
 //

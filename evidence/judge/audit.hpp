@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Is an artifact's claim ready to be audited? What the panel is meant to show, and under which conditions, the panel
 // file says, whose hash the rows carry; the manifest is held against it. Names the metric contract, the perturbation
 // panel, the monitor state, the artifact id, the fault verdicts and the three claims, and lists what is missing; a

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evidence/judge/chunk_detection.hpp"
 
 #include <fmt/format.h>

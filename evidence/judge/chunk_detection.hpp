@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Thresholds for chunk monitors from what is usual, and what they and the bare scores find in rollouts that neither
 // saw.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The same-artifact rule, enforced: two methods are compared row by row, and only where the rows were computed by one
 // script on one panel, one seed plan, one plant and one row schema.
 //

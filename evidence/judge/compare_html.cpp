@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A comparison as one HTML file: no script, no request, light and dark.
 #include <fmt/format.h>
 

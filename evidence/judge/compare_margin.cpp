@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a comparison's success decides: within a margin, and at every look.
 #include <fmt/format.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evidence/judge/exact_rate_interval.hpp"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How much more often one method succeeds than another, from pairs, with an interval that is exact.
 //
 // It inverts the exact unconditional test of the score statistic: a difference lies outside where what was seen, or

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Statistics of paired outcomes: the same task, seed and perturbation under two methods, as differences B - A.
 //
 // Pairs of one seed share what the seed decides. So seeds are what is drawn: the pairs of a seed stay together in every

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The short post-mortem that every failed rollout must have: drafted by the program, completed by a person.
 //
 // A draft states what the row and, where there are records, the ticks say: cause, timeline of transitions, the twenty

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a run folder shows by itself, and to whom has the signer's key: its files are those that were recorded, and the
 // recorded decisions are those that come out of the recorded inputs again. Thread rule: any thread.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sums over seeds from which a mean over their pairs and its variance follow.
 #pragma once
 

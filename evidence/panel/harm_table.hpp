@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Does Takt make anything worse? Per condition, the success of method takt against each built-in rival of the panel,
 // paired by seed, and whether it keeps the margin. Pure.
 #pragma once

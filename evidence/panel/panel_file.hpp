@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A panel: which tasks, under which perturbations, by which methods, with which seeds. Read from a YAML file as
 // strictly as a robot file (config/document.hpp): every problem in one line "file:line:column: what; how to mend". How
 // to write one: docs/panels.md.

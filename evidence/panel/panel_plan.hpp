@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a panel amounts to: every rollout in one order, and everything a rollout needs loaded and checked once. Nothing
 // runs before every robot, override and policy of the panel is known to be good.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the panel file in an artifact's folder says of that artifact, for its audit.
 #pragma once
 

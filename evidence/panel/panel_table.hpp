@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The table a person reads after a panel: one line per task, perturbation and method, over all seeds. Pure.
 #pragma once
 

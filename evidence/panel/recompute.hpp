@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rows of an artifact, computed anew from its panel file: who edited a row, or what computed it, does not get the same
 // bytes. Which rows, the caller draws, so that nobody knew them when the artifact was made.
 //

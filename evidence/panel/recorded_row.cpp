@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evidence/panel/recorded_row.hpp"
 
 #include <fmt/format.h>

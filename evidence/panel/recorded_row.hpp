@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The row of a rollout that real processes lived through: the same measures as in virtual time, from the run folder's
 // recorded ticks and from what takt-plant wrote that the robot really did.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Runs planned rollouts in worker processes and hands their rows over in the plan's order, whatever the number of
 // workers: the rows of one and of many are the same bytes, host fields aside.
 //

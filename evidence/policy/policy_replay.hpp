@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Replay of a policy: the recorded inputs of a run go through the network again, and its raw outputs must come out.
 //
 // The run's own file on the built-in engine gives the same bits. Hidden state is carried from answer to answer and

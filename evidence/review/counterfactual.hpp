@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // "With max_age 180 ms it would have gone on": what a stop hung on, asked of replay. The ticks recorded around an
 // incident go through the decision again, with another value of the configuration key that governs its cause, and the
 // smallest value is sought with which the rule does not fire before what it waits for is there: a usable command, a

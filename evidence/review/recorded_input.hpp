@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A recorded tick's input, put together again from its record and the message it read: what replay feeds to the
 // decision.
 #pragma once

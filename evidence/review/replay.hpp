@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Replay: recorded inputs go through the same pure decision again, and every byte of every record must come out.
 //
 // It starts from the state before tick 1 when the recording has it, else from a keyframe, and starts again at the next

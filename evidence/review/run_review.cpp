@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evidence/review/run_review.hpp"
 
 #include "evidence/review/counterfactual.hpp"

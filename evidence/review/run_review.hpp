@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A recorded run's numbers and its faults, from one pass over its ticks; where it stopped, from a second one what would
 // have kept it going (counterfactual.hpp); and what other files of the run tell (monitor/judge/run_end.hpp,
 // script.hpp). Errors are one sentence.

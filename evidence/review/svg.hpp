@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The few SVG elements that Takt's pictures are made of: no script, no style sheet, no request. Text is escaped here.
 // Units: px, origin at the top left. Pure. Source: SVG 1.1.
 #pragma once

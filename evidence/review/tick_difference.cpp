@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Naming where two tick records differ, and where a recorded one was altered.
 #include <fmt/format.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is usual in a run's answers: the levels (chunk_monitors.hpp) of its stretches of equal length in which the robot
 // followed the run's own policy without a break, not another that took charge. What is left over at the end of such a
 // time is dropped.

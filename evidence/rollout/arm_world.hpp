@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // arm_tracking: an arm whose tool follows a moving target that a simulated camera sees. The seed enters the target's
 // path at a random instant and draws the camera's jitter.
 // Constraints: no joint outside its position limits, tool no faster than kToolSpeedLimit.

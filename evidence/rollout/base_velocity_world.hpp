@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // base_velocity: a robot on a base of its own that goes as fast as a person commands and stays upright, by physics of
 // MuJoCo or of a world that gives the base's pose. The person's command comes through the sensor of the policy's
 // `command` term; the IMU through the robot file's. The seed draws when walking begins, which puts a perturbation into

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evidence/rollout/cart_pole_world.hpp"
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // cart_pole_balance: a cart that goes where it is told, in steps, without letting its pole fall. The seed draws the
 // steps, their instants and the sensor's jitter.
 // Error: distance of the cart from where it is told to be. Constraints: cart and pole inside their position limits.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a chunk says for one joint at an instant, by its declared interpolation and nothing else: no range, no join.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A robot's fallback policy for rollouts: a host of its own, which lives through what befalls the policy's.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What stands between policy and drives in a rollout, besides what the robot file says: methods that every panel knows
 // by name (docs/panels.md), and protections that a study switches off one at a time. None of it is a key of a robot
 // file, and no executive that moves a robot can be told any of it.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The simulated person at the arm switch, the same for every method: arms the robot once nothing blocks it and, where a
 // panel says so, ends a stop or fault and arms again.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is not ours in a rollout: commands of the user's.
 #pragma once
 

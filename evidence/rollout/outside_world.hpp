@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // world: what the user's own process wants of the robot (docs/world-protocol.md). That process plays mechanics, IMU,
 // sensors of images and at most one of numbers, and judges: by the task's error, by saying that the task is done or
 // beyond help, or both. Without such a process, for a robot that nobody has a task for: it follows its policy, and

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a rollout may be troubled by: one table of named perturbations, each with what it does, the unit of its dose, a
 // moderate dose and the doses that make sense. A perturbation acts inside one window of virtual time; what it draws
 // comes from the rollout's seed. docs/panels.md shows the table.

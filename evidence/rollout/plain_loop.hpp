@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The plain loop, the baseline of every panel: what a robot does without Takt between its policy and its drives. The
 // newest command's target of the instant goes to each drive's own PD. No freshness, no limit, no pursuit, no barrier,
 // no reserve for braking, no stop of its own: where no command comes, the newest one holds. A person arms it and stops

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Perturbations as scenarios of the simulator (docs/plant-scenarios.md): the text of a scenario file each, times since
 // the drives were enabled. Pure.
 #pragma once

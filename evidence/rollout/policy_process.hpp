@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A policy that is a program (takt.connect, takt/client.h), in virtual time: started as `takt run --policy-host` starts
 // it, beside a seat without an executive that shows it one observation at a time and waits for its answer.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random numbers that are the same on every standard library, unlike its distributions. One stream per place that
 // decides, so that a perturbation which draws more leaves every other stream alone. Thread rule: one thread at a time.
 #pragma once

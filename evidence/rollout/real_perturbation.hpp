@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A panel's perturbation where processes are real: what `takt run` and its processes are told to do to the robot. Those
 // that have no mechanism there are refused by name, never silently left out.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evidence/rollout/repeat_last.hpp"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A bridge between policy and executive that repeats the last command for ever: what robots do whose driver keeps the
 // newest setpoint. Method `blind` puts it in; with the age limit lifted as well, nothing notices a silent policy.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A robot as a rollout has it, with its overrides, as a file of its own for other processes: the same SHA-256. Policies
 // that the file names relative to itself are linked beside it, with what belongs to them.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One rollout in virtual time: the real decision, the real drivers, the real network, against a simulated plant, in one
 // thread and from one seed. The same setup gives the same bytes: of every tick record, and of the row.
 //

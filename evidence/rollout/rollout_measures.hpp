@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Everything a row says about how a rollout went, gathered tick by tick: from the tick's record, and from the truth of
 // the simulated world. Thread rule: one thread at a time.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // When a perturbation troubles the way from an outside sensor to the policy host, or from the IMU to the executive
 // (simulation/sensor_path.hpp says how), and what the reader's mailbox holds. Numbers and images alike. Pure, virtual
 // time. Thread rule: one thread at a time.

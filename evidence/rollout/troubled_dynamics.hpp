@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // When a perturbation troubles a robot's mechanics: a push at the tool, a payload, more friction
 // (simulation/troubled_mechanics.hpp says what each is). Everything else passes through.
 // Thread rule: one thread at a time.

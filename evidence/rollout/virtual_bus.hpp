@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The CAN buses of a rollout in virtual time: frames take their time on the wire one after the other, drives answer
 // when the command has crossed, and replies reach the host at an instant of their own.
 //

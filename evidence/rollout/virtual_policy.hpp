@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The policy host in virtual time: the real observation builder, network and chunk builder (policy_host/responder), or
 // the real program that is the policy (policy_process.hpp), and a model of when things happen around them.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // When the control thread of a rollout in virtual time wakes: 5 to 40 us after its period began, as a good kernel does,
 // or later where a perturbation keeps it from its core. Three do, each in its own way:
 //

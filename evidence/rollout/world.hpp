@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a task's robot lives in: its plant, its outside sensor, and the truth by which the task is judged. One
 // implementation per task. Virtual time is passed in; the plant is stepped by the rollout.
 // Thread rule: one thread at a time.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which protection costs what on this robot: the same rollouts as the robot file says, by a plain loop, and with one
 // protection after the other switched off (evidence/rollout/method.hpp). Without a fault, and with a policy that stands
 // still once; a protection whose absence makes the first better is one that this robot pays for. The same setup gives

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How much command age, and how large a share of misses, the task tolerates: rollouts in virtual time, from which a
 // freshness contract is proposed. Steps 1 and 2 of multirate control integration: the stabiliser's margin is known, now
 // the policy's age budget is chosen.

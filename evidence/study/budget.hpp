@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The control-rate budget: which loop rates a chain of stages can serve, where the slack is, and how old the commands
 // then are. Pure arithmetic; what the stages take comes from whoever asks. Source: Figure 55.2A, whose times are
 // figure_stages().

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the stages of a loop take, read from where it is known: a robot file, a recorded run. Errors: one sentence.
 #pragma once
 

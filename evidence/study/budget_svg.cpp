@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The budget as a picture: the stages in a row and overlapped, against the periods of one rate, and every rate's
 // verdict.
 #include <fmt/format.h>

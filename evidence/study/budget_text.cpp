@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The budget for a terminal: stages on a timeline, serial and pipelined, and one line per rate. 80 columns, UTF-8.
 #include <fmt/format.h>
 

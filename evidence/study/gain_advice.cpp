@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evidence/study/gain_advice.hpp"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which change of a ringing joint's gains in the robot file ends the ringing: found by computing the loop again with
 // other gains, the smallest change first, stiffness kept where it can be. Pure but for the mechanics, which are fresh
 // copies.

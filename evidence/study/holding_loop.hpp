@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stabiliser, frozen: the real decision, the real drivers and the simulated drives hold one pose in virtual time,
 // while a torque is injected at one joint. No policy takes part; the command is the pose, for ever, and always fresh.
 // Deterministic. Thread rule: one thread at a time.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The frequency response of a loop that really runs: a sine is added to the torque of one joint, and once the transient
 // is over, what the loop answers is compared with what the joint got, L = -answer / got. Source: the usual
 // loop-breaking injection at the plant's input, without breaking the loop.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stabiliser around the linearised plant, as frequency response: joint by joint, opened at the torque, the other
 // joints' loops closed. What the loop is made of, as it really runs:
 //

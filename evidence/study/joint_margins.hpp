@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every joint's margins, computed and measured, side by side. `takt margin` shows them; docs/margin.md explains.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evidence/study/linear_plant.hpp"
 
 #include <Eigen/LU>

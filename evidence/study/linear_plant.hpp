@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Any mechanics behind plant::Dynamics, linearised around a pose at rest: ddq = A_q dq + A_v ddq + B tau, by central
 // differences of one very short step, so that M(q), gravity's stiffness, viscous friction and joints without a drive
 // come out of whatever integrates them. Then sampled: exact for torques that are constant during a step.

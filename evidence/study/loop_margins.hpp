@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Gain, phase and delay margin of a loop from its frequency response L(i omega), measured or computed: both go through
 // the same search. Pure.
 //

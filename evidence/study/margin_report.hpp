@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `takt margin` shows: a table for the terminal (at most 80 columns, UTF-8), one JSON object, a Bode plot.
 #pragma once
 

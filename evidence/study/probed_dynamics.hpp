@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Some mechanics with a sine added to one joint's torque, just where the drive's torque enters, and both written down:
 // what a loop's frequency response is measured from. Coulomb friction is taken out (see linear_plant.hpp); brakes stay.
 // Units: Nm (or N), rad/s. Thread rule: one thread at a time.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the steps of a chunk lead between two of them: straight lines, or cubic Hermite segments through positions and
 // velocities. Step k belongs to the chunk's first instant + k * step_period. Pure.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a policy asks for: a short trajectory of joint targets that answers one observation.
 //
 // Only the used part travels: a header, then `value_count()` floats, packed step by step, and within a step field by

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One number for the whole contract: differs whenever a field of any shared structure, or a word of any enum in one, is
 // another, elsewhere, or of another type.
 #pragma once

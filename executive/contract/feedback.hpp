@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the drives and the buses report, decoded at the edge and handed to the tick as values.
 #pragma once
 

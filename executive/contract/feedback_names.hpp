@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How files, metrics and screens spell what drives and buses report.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One image of an outside sensor, in a mailbox of its own: this header, then height x width x channels bytes, row after
 // row, the channels of a pixel together. The shape is the robot file's and part of the mailbox's layout.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One sample of the inertial measurement unit in the robot's base, as its process publishes it (ten values of a
 // SensorSample, in this order), and what the tick concludes about it.
 //

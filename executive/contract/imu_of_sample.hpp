@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A sensor's sample as an IMU's, value by value (imu.hpp); nothing is judged. Precondition: value_count is kImuValues.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bits that say what the executive changed about a joint's command in one tick, one mask per joint.
 #pragma once
 

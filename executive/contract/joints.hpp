@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Joint-space vectors whose unit is part of the type, and the fixed capacities every process agrees on.
 //
 // A JointVector always has room for kMaxJoints; how many entries are in use is said by the joint count of the

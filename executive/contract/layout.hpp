@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Identity of everything laid out in shared memory or on disk: a magic number, an ABI version, and a hash of one table
 // of fields. Both sides compare all three before a byte is believed.
 //

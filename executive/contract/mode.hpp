@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Modes of the executive and the causes that move it between them. The reaction table lives in pipeline/mode_machine.
 //
 // mode           who enters                          drives meanwhile

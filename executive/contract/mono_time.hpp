@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Instants and spans on the one clock of the system: CLOCK_MONOTONIC, signed 64-bit nanoseconds.
 //
 // There is no now(): time is passed in, so that the same code runs in real time, virtual time and replay.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CLOCK_MONOTONIC for the shells of programs; what is pure gets time passed in.
 // Thread rule: any thread. sleep_until is absolute, so that a pace does not depend on how long the work took, and
 // returns early when a signal arrives.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the executive tells a policy about the robot, published into the observation mailbox every policy period.
 //
 // Source: drive feedback, decoded and filtered by the executive, and the base's IMU where the robot has one. Thread

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Why a period was missed, from the scheduling evidence around it (first match wins; see runtime/overrun).
 #pragma once
 

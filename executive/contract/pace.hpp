@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The grid of instants at which ticks are due: first, first + period, first + 2 periods, ... A tick that ends after the
 // next instant skips every instant that has passed; it never shifts the grid, and never runs ticks in a burst to catch
 // up. Pure value.

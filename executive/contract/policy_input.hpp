@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a policy was shown of one observation, and what its network said: published by the policy's process beside its
 // command, into a ring that only a recorder reads. Evidence, never an input of a decision.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a reader concludes about the newest sample of an outside sensor before it uses it. Pure.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One sample of an outside sensor (a camera's target estimate, an IMU), published by its own process into a mailbox
 // that policy hosts read. The executive never reads it; its age reaches the executive as
 // CommandHeader::outside_sensed_at, which can only make a command older.

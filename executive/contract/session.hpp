@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The first words exchanged on a rendezvous socket, and the operator's requests. Plain structures over SOCK_SEQPACKET;
 // strings are zero-terminated and zero-padded. Thread rule: none of this ever reaches the control thread.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One tick, whole: every input the decision read and every output it produced, so that replay can recompute it.
 //
 // A record is a TickRecordHeader followed by joint_count JointRecords. The new command, when one arrived, and the

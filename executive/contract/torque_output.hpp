@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is known of the output that permits the robot's torque (safety.safe_torque_off of the robot file).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the executive concludes about a message from a policy (Arrival, once per message) and about the command in
 // use (Freshness, every tick). Names are stable: they appear in records, reports and metrics.
 #pragma once

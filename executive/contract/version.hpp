@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which Takt this is. A program says what it was built of; a test's program, which no commit relinks, says `+unknown`.
 #pragma once
 

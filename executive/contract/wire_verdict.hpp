@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the last guard said of a joint's frames in one tick: the first that it refused, if it refused any. Why each rule
 // holds and how exactly it is judged: drivers/guard/wire_guard.hpp.
 #pragma once

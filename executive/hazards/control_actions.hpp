@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What may be lost, by which hazards, which constraint keeps each hazard away, and how each control action can be
 // unsafe: the vocabulary of STPA (System-Theoretic Process Analysis; N. G. Leveson and J. P. Thomas, STPA Handbook,
 // 2018), for a robot under Takt. Which causes of the reaction table answer them: hazard_table.hpp. docs/hazards.md is

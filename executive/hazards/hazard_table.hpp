@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One row for every cause of the reaction table (pipeline/mode_machine.hpp): which hazards it answers, how they come
 // about, how the cause is found, the tests that prove the reaction, what risk stays, and which device outside of this
 // computer has to cover it. Modes, stop categories, bounds and what clears a cause are not repeated here: they are the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Why did it stop? Every stop and every fault becomes one incident, made here and nowhere else, from tick records;
 // every surface (status, run, top, report, page, diagnostics, Prometheus, OpenTelemetry, post-mortem) tells its
 // sentence.

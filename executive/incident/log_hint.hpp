@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where to look when commands stay away and the record cannot say why. What knows better (events.jsonl) replaces it.
 #pragma once
 

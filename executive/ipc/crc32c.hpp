@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CRC-32C (Castagnoli, RFC 3720 section 12.1): detects payloads that were changed while they were copied.
 // It is no authentication: whoever can write the segment can also write a matching checksum.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Owns a file descriptor: closed exactly once. Thread rule: none of its own.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "executive/ipc/executive_segments.hpp"
 
 #include "executive/contract/contract_layout.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which segments the executive hands to which role, in descriptor order, and the shape of each ring.
 //
 //   policy, fallback policy, candidate policy: [0] observation mailbox (read-only)   [1] command mailbox of its own

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Judges the first message of a client before anything else looks at it. Pure.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where processes meet: a Unix SOCK_SEQPACKET socket on which a server hands out segments, one lease per role.
 //
 // Exchange: client sends Hello -> server checks magic, ABI, layout and SO_PEERCRED, then the lease table, then lets the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a ring looks like in shared memory: the words that SlotWriter writes and SlotReader reads, and nothing else.
 //
 //   byte 0    RingHeader: identity, fixed once formatted; `head`, on a line of its own, names the newest complete slot

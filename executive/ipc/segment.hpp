@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A memfd that cannot be truncated under its readers, and its mapping.
 //
 // Two sealing orders, both measured to hold (ftruncate, hole punching, write() and new writable maps all fail):

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hands a sensor's mailbox to whoever may read it (policy hosts, the executive), and publishes samples into it. The one
 // way in which a sensor is served, whoever plays it: the simulator, or a process from outside (takt/client.h).
 //

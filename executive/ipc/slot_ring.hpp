@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Single-writer ring of versioned slots in shared memory: the one mechanism behind the latest-value mailbox
 // (8 slots, read_latest) and the record rings (many slots, read_next). Readers map it read-only.
 //

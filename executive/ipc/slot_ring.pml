@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* Spin model of the slot protocol in slot_ring.md: one writer, one reader, two payload words per slot, two slots.
  * Interleavings are sequentially consistent; what the orders of single stores and loads add is argued in slot_ring.md.
  *

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stop's own way into the executive: a datagram socket (stop.sock) beside the one where everybody meets. It has no
 // connection, no greeting, no lease and no answer, so nobody can occupy it and nothing has to be waited for: one
 // message, one word. Only our own user and root may write to it: the file's mode says so.

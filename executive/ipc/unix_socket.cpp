@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "executive/ipc/unix_socket.hpp"
 
 #include <pwd.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The few operations on SOCK_SEQPACKET Unix sockets that both ends of a rendezvous need.
 // Errors are errno's text with the path. Thread rule: service threads only.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "executive/log/line_queue.hpp"
 
 #include <poll.h>

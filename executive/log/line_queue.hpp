@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lines on their way to a file descriptor that nobody may be reading: a bounded queue, and a thread of its own that
 // writes. push() never waits for the reader: when the queue is full, the oldest line makes room and is counted, and the
 // next line that gets through is preceded by the number. A descriptor that is closed or broken swallows lines, counted.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // constrain, stabilise, clamp_output, publish, record: from what is asked to what leaves.
 #include <algorithm>
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // arming_blockers: the one list behind the operator's arm request, the `takt arm` refusal and `takt status`.
 #include <cmath>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Judges one message from a policy, in a fixed order; the first failing check names the refusal:
 //
 //  1 wrong_shape          byte count, at most the robot's largest legal chunk; counts, mask, reserved, step period; dq

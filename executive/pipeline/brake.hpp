@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A brake that is always possible: before a step of the references is committed, a stop of the whole robot from there
 // is known to stay inside the limits on position, velocity and torque. If it is not, the robot brakes now, along the
 // stop that was known before.

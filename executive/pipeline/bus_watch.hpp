@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Watches what buses and drives say, tick by tick, for faults that no single tick can show: replies that are lost,
 // repeated or delayed, frames dropped on either side, strangers, babble, a controller that stays error-passive.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The candidate: a policy that runs beside the one in charge, on the same observations. Its messages are judged in
 // every tick as the policy's are, what it would do is compared with what is done, and nothing of it is played until a
 // person asks for a swap.

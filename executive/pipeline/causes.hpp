@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which causes hold in this tick, as bits: measured conditions, timers, and the operator's requests where granted.
 // Conditions of drives, buses and feedback hold in every mode (in standby they block arming); the others only where
 // they can mean something. Reads this tick's record as far as it is filled in (inputs, estimates, freshness).

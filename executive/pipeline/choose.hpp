@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the robot should do in this tick, by mode:
 //
 // mode           reference                               impedance            gravity  barriers

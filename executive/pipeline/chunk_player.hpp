@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the path in use asks of every joint at an instant: where its steps and what is left of the last join put it.
 // A joint for which a step's value had to be brought into its range is marked (`out_of_range`). After its last step the
 // chunk is spent (freshness_of says missing and nothing may be played).

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The command the robot is following, as the executive believes it: instants that are its own (sensed, observed, first
 // used) or claims clamped between them. All stamps are ordered: sensed <= observed <= inference <= first used.
 #pragma once

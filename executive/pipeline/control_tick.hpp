@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The 1 kHz decision, as a pure function: no clock, input, output, lock, allocation or random source inside.
 //
 // The same function runs in the real-time loop, in virtual time, in replay and under fuzzing; equal state, input and

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The last word before encoding, written without any of the stages' code: whatever they did, what leaves is finite,
 // inside every limit, and produces no more than the torque limit at the measured state. Positions may lie in the hard
 // margin: where a joint that was found there is left, or returns from.

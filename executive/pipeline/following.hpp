@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether each joint follows its reference: following_error, and following_lost where the robot file stops for it.
 // Pure.
 //

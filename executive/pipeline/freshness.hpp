@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The freshness contract inside the loop: each tick's verdict, the exact count of misses, and the hysteresis between
 // tracking and degraded mode, in which flapping loses.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Torques that hold a tree of links still against gravity, in O(joints), without allocation.
 //
 // Down the tree the gravity vector is turned into each link's frame; up the tree mass and first moment of mass are

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The base's IMU: which of its samples the tick believes, and when it is lost or says that the base leans or turns too
 // far. Pure. Before the first usable sample it is lost.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How a new chunk takes over from the path that is being played (policy.action.join). Pure.
 //
 // The path in use is one chunk's steps, what a join mixed into them, and a remainder that fades: path(t) = steps(t) +

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which replies of a joint's drive the tick believes, and when what they tell cannot be true. Pure.
 //
 // outlier      its position is further from the one before than the joint can get there: velocity_hard for the time

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // save and load of TickState's used part.
 //
 // A keyframe is a KeyframeHeader, the fixed pieces, as much of memory and windows as the configuration uses, the link

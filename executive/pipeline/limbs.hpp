@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which joints share a limb, and which of them hang on others: how far the loss of one drive reaches.
 //
 // The limb of a joint is the serial piece of the kinematic tree that it is part of, and everything beyond: from the

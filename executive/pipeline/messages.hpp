@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a policy's message becomes: judged (arrival.hpp), taken into the path by the join rule, or kept until its turn.
 #pragma once
 

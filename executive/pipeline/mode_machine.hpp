@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cause -> reaction, in one place. Each row says how severe the cause is, which mode it leads to from each mode
 // (the mode itself: no reaction there), how far and how hard it stops, within which bound, and what clears it. Of all
 // causes that hold in a tick, the most severe one that reacts in the present mode decides.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the executive itself remembers of the observations it published: id -> when its oldest sample was sensed and
 // when it was published. A command's age rests on this memory, never on what a policy says.
 //

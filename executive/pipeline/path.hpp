@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where a chunk's path stands at an instant, joint by joint: what its steps are declared to mean (Interpolation), each
 // value brought into its joint's range first.
 //

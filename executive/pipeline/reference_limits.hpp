@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Keeps a joint's reference, a discrete double integrator q' = q + v' dt, inside position, velocity and acceleration
 // limits for ever: a control barrier in closed form.
 //

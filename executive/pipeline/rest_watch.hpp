@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether a robot rests: judged by how far its joints get, not by their estimated speed, in which every step of a
 // coarse encoder is a spike. Pure; part of the tick's state.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // observe, estimate, judge: from what arrived to the mode of this tick.
 #include <algorithm>
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sine and cosine with the same bits on every machine: the C library picks its variant by CPU (with or without fused
 // multiply-add), and replay promises equal bits. Absolute error below 6e-8 for |angle| <= 1e5; anything not finite or
 // larger gives (0, 1).

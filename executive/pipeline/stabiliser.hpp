@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The impedance law, barriers on the measured state, torque and slew limits: the only ones on this side of the bus.
 // Result: what the drive is told, by who closes the loop (LoopAt).
 //

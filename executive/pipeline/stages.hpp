@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stages of one tick over all joints, in the order control_tick calls them. Each reads what the earlier ones left
 // in the state and in this tick's record, and writes its own share of both.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Everything the tick needs to know about the robot, resolved, validated and in SI units. Filled once at load from
 // the robot's configuration (executive/setup/tick_config_of.hpp); never changes while a run lasts. Plain value, no
 // pointers.

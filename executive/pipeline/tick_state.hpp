@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Everything the tick remembers from one call to the next. Plain value; keyframe.cpp saves and loads its used part, so
 // whatever is added here must be added there.
 #pragma once

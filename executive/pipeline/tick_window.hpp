@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Exact count of marked ticks among the last `length` ticks: a ring of bits, no allocation, constant time per tick.
 //
 // Before `length` ticks have been seen the count is over those seen so far. Range: length 1..kMaxWindowTicks, the same

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Joint position and velocity from encoder replies: a second-order tracking observer per joint.
 //
 // Its state belongs to the receive stamp of the newest reply, so that the spacing of replies, not of ticks, drives it.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // May this policy command this robot? A policy is admitted when what it claims is what the executive was configured
 // with; otherwise one sentence names both values. A claim of 0 for the configuration's hash means "not claimed". Pure.
 #pragma once

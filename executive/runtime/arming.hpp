@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What an operator is told: why arming is refused, joint by name, and which causes keep a stop latched. Pure.
 #pragma once
 

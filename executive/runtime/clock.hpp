@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The control thread's clock: the only place of the executive where the tick's time is read or waited for.
 //
 // A port, so that a test can drive the loop through virtual time. Thread rule: control thread.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The thread the loop runs on: its own small locked stack, signals blocked, prepared before it is let go.
 //
 // start() returns once the thread has prepared itself; the caller looks at the results, then calls go(), or lets the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The 1 kHz loop: waits for the period, gathers the tick's inputs, lets the pure tick decide, carries out and records
 // what it decided. Everything here is allocated before the first tick.
 //

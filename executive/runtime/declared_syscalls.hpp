@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every system call that the control thread makes between its first and its last tick. Anything else is a defect:
 // tests/executive/runtime/loop_guard_test.cpp runs the loop under a filter of exactly this table.
 // Reading CLOCK_MONOTONIC, CLOCK_BOOTTIME and CLOCK_REALTIME is no system call where the vDSO serves them, and is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // <runtime-dir>/drives.json: what every drive said of itself while it was set up (drivers/protocol/drive_card.hpp).
 // Read from the executive's own frame ring, behind the control thread's back. Written when the executive starts and
 // whenever a card changes, removed when it ends; the monitor keeps a copy in the run folder. Schema takt.drives/1:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The edge to the drives: frames in become feedback, setpoints become frames. Every frame that crosses is recorded.
 //
 // Order on the wire, every tick: bus by bus in configuration order, on each bus its joints in configuration order, each

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the kernel knows about the control thread: read once per tick, after the bus write, so that a missed period can
 // be blamed on somebody (overrun.hpp). Cumulative since the thread began; the attribution works on differences.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // <runtime-dir>/executive.json: what the executive is and under which conditions it runs. Written once it runs, removed
 // when it ends; the monitor copies it into the run's manifest. Schema takt.executive/1:
 //   pid, version, binary_sha256 (of this program; "": unreadable), robot, config_sha256, config_hash, policy_hash,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How takt-executive ends: 0 after an orderly shutdown, otherwise one of these, after one line on stderr per reason.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The base's IMU, which another process publishes as a sensor (ipc/sensor_server.hpp): attached to as often as needed
 // by the service thread, read once per tick by the control thread. The process is as little trusted as a policy is: its
 // samples are copied once, and the tick judges them.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The executive's log: mode transitions with their causes as they happen; missed periods and refused commands counted
 // by cause, at most once a second. Written by the service thread from what the control thread published; the control
 // thread never logs.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "executive/runtime/mailbox_handover.hpp"
 
 #include <utility>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Gives the control thread another mailbox to read (a policy's commands, the IMU's samples), and takes the old one
 // back, without either thread waiting.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt-executive: the only place where the executive's parts are put together.
 #include <spdlog/spdlog.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a person, or a signal, asks of the control thread. De-energising wins over everything; a stop is never lost and
 // never delayed by an earlier request: each kind has a slot of its own, and discards arm, reset, swap and back, of
 // which the newest counts, when they are pending with it. A shutdown is repeated every tick from the moment it is asked

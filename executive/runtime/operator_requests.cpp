@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The operator's half of the reception: status, arm, stop, reset, mark, swap, back. A stop has come by its own way
 // already (stop_thread.hpp) when it is asked for here: this is where it is answered, and asked for again, which changes
 // nothing.

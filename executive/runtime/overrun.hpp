@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Why a period was missed: a pure function of the evidence around it. The first match wins:
 //
 //   blocked         the thread gave the core away by itself more often than its one sleep explains

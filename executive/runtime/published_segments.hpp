@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the executive publishes: the observation mailbox for the policy and the four record rings for the monitor.
 // Sealed against other writers and pre-faulted at construction; publishing waits for nobody and knows no reader.
 //

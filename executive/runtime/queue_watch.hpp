@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which interfaces hold a setpoint of ours that must not leave any more: a bus that is dead for a while (no node
 // acknowledges, an adapter stands still) keeps what was handed to it, and lets it out when it comes back.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What makes the control thread punctual, step by step, each with a result that names what to mend.
 //
 // Essential steps: locked memory, SCHED_FIFO, affinity. Without them the executive refuses to

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Who comes to the executive's socket, and what they get: a policy its two mailboxes, a monitor or a viewer the record
 // rings, an operator an answer. Policies are admitted by admission.hpp; requests reach the control thread through the
 // operator inbox.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How much of what is refused may be recorded whole: so many bytes at once, so many per tick on average. Beyond that a
 // message leaves its header, its size and its checksum, which is what replay needs of it. Without this a policy that
 // sends nothing but refused messages decides what is left of a run. Thread rule: control thread.

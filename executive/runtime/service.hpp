@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the service thread does while the control thread ticks: receives peers, writes the log, reports to the service
 // manager, and carries out the shutdown when a signal asks for it. Thread rule: service thread.
 #pragma once

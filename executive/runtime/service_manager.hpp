@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the service manager is told (sd_notify(3)): ready, alive, what the executive is doing, stopping.
 //
 // Alive means that ticks advance: a ping is sent only when at least one tick completed since the last ping, so that a

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From the first SIGTERM to the end of the loop: damped stop, until the robot rests, then the drives are disabled.
 //
 // The loop may end when the executive is in standby, or has stopped or faulted and the robot rests, or still moves

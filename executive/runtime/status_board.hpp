@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The loop's state for the service thread: the control thread publishes it every tick, the service thread reads the
 // newest. The same versioned slots as between processes, in ordinary memory. Thread rules: publish() control thread,
 // read() service.

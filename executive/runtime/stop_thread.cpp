@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "executive/runtime/stop_thread.hpp"
 
 #include <pthread.h>

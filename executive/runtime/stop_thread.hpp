@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The thread that hears a stop (ipc/stop_line.hpp) and sets its flag for the next tick. It does nothing else: no log,
 // no allocation, no lock, nobody it waits for; so a stop is served whatever the service thread, the log, the monitor,
 // the policy or the disk are doing.

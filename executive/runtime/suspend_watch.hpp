@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Notices that the computer was suspended: CLOCK_BOOTTIME runs on meanwhile, CLOCK_MONOTONIC, which tells all ages,
 // does not. Source: clock_gettime(2).
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The service thread's view of the ticks: reads the executive's own tick ring behind the control thread's back, finds
 // mode transitions, and watches whether the robot rests. Thread rule: service thread.
 #pragma once

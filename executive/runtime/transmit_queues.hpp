@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Empties the transmit queue of an interface whose bus stands still, before what waits there is too old to leave.
 // Thread rule: service thread. Logs; a purge takes the kernel's network lock.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Waiting for the next period, in the two ways the robot file offers.
 //
 //   sleep   absolute clock_nanosleep. Costs nothing while it waits; late by the kernel's wake-up latency (tens of us).

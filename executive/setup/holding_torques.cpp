@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "executive/setup/holding_torques.hpp"
 
 #include "executive/pipeline/gravity_model.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What holds a robot still against gravity, for tools beside the control loop. Set-up and tools only: allocates.
 #pragma once
 

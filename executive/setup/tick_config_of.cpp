@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "executive/setup/tick_config_of.hpp"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The robot's configuration as the tick wants it: fixed-size, float32, no strings. A hash of 0 accepts any policy.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The events of LTTng-UST provider `takt`, as LTTng's macros want them: this header is read several times. Only
 // trace.cpp includes it; what the events mean is said in trace.hpp and docs/tracing.md.
 #undef LTTNG_UST_TRACEPOINT_PROVIDER

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Trace points of LTTng-UST provider `takt`: compiled in, off until a tracing session asks for them (docs/tracing.md).
 //
 // Off, each function is a call and one branch. On, it writes one event of a few integers into LTTng's per-core buffers:

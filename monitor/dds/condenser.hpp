@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Boils a run's ticks down to what ROS 2 is told: joint states at the configured rate, the age of every command at its
 // first use, status ten times a second, diagnostics once a second, and the last two at once when the mode changes.
 //

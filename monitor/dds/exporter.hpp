@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The monitor's line to ROS 2: an outbox that the recording thread fills, a thread that writes to DDS and opens the
 // domain (again and again, when it cannot be had), and a thread that hands requests to the executive's operator socket
 // where the robot file allows them. The recording thread waits for neither.

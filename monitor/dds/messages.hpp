@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the monitor tells ROS 2, as values: made by Condenser, waiting in Outbox, written by Participant.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Between the thread that reads the executive's records and the thread that writes to DDS, where a write can take most
 // of a second: per topic a few of the newest messages. What the writing thread does not fetch in time gives way to what
 // is newer, and is counted. Bounded memory; put() takes a lock that is only ever held to move messages.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The monitor in a DDS domain: one participant, a writer per topic, and a reader for requests where they are allowed.
 // Everything Cyclone DDS is behind this header. ROS 2's names and type hashes, its default QoS except where said.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a request from DDS comes to, before the executive is asked.
 #pragma once
 

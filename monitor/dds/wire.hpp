@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Our messages as idlc's C structures. A Lent<...> borrows every string and number from the message it was made of, and
 // owns the arrays of pointers: it lives shorter than the message.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "monitor/judge/chunk_monitors.hpp"
 
 #include <fmt/format.h>

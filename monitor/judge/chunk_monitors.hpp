@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Watches the policy's accepted answers while the robot follows it (tracking or degraded), by their numbers alone
 // (chunk_scores.hpp). A catch begins where at least `votes` of the newest `of` answers have a score above its threshold
 // (policy.monitors), and ends when fewer have. It decides nothing: it says which answers, and why.

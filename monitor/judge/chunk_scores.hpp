@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the numbers of a policy's answers tell about the policy, without a model of it. Every score is 0 where there is
 // nothing to say; the larger, the stranger.
 //

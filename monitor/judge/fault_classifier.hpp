@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Why was the deadline missed? Reads a run's ticks and gives every stretch of trouble one verdict with its evidence in
 // a sentence: "inference_stall: tau_infer 212 ms against a median of 14 ms".
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The rules of the fault classifier, in the order the header gives them.
 #include <fmt/format.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Statistics of command ages, exact over every sample.
 //
 // Quantiles follow the exclusive definition: with n sorted samples the p-quantile sits at rank p (n + 1), linearly

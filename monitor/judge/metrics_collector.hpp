@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tick records in, RunMetrics out: the one place where a run's numbers are computed, for recorded runs and for rollouts
 // in virtual time alike. What they mean: run_metrics.hpp. Keeps every age in memory. Thread rule: one thread at a time.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Does the record reach the run's end, and what is known of the run where it does not? "None" is said of a whole record
 // only: a robot may have stopped behind the last tick that can be read.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The numbers of a run, computed from its recorded ticks alone: metrics.json, the terminal report and the HTML report
 // all show these.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // metrics.json: the numbers of run_metrics.hpp under stable names. Times in nanoseconds.
 #include <fmt/format.h>
 

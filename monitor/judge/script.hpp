@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What of a run's stops and losses its script asked for, and which process had ended by then: events.jsonl
 // (monitor/record/run_events.hpp) beside the ticks. What acts, on what, and until when decides: a killed policy
 // explains a lost command and no drive's fault, and a process that was started again explains nothing any more.

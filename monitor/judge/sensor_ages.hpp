@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How old the samples of each outside sensor were when the policy was asked: their share of the ages' `sense`.
 //
 // Of every recorded answer of the policy in charge (policy_input): the newest sample of each sensor that it was shown,

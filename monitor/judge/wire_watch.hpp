@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // When a tick's frames were on the wire, by what the controllers said (BusHealth::left_at, waiting_since): the last
 // part of a command's age, from the tick to the bus.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A file that grows by whole pieces, up to a limit, and says once why it stopped.
 //
 // append() writes all of a piece or none: after a short write (disk full, RLIMIT_FSIZE, limit reached) the file is cut

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Little-endian CDR (OMG XCDR version 1, "plain CDR"), as ROS 2 messages are stored in MCAP files.
 //
 // A message starts with the four encapsulation bytes 00 01 00 00; every primitive is aligned to its own size, counted

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ticks as ROS 2's diagnostics: one part for the executive, one for each joint's drive, one for each bus. What runs
 // hold (run_messages.hpp) and what DDS tells are made here. Pure: time is the ticks' own. Thread rule: one thread at a
 // time.

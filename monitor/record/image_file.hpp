@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An image as a file: Netpbm, so that any viewer opens it. A short text with its shape, then its bytes as they were
 // published: PGM (P5) of one channel, PPM (P6) of three, PAM (P7) of two or four. The file's name is the SHA-256 of all
 // of it, so that `sha256sum` checks it, and images of another shape have another name.

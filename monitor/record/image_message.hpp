@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // /takt/image (takt_msgs/msg/Image): an image that a policy was shown, by the recorder's own copy of what its sensor
 // published: whose, when, its SHA-256, and what became of its file. One for each image, however many answers rest on
 // it; sensor, sequence and stamps are those of /takt/policy_input's samples. In the file it stands behind the input

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The images of a run folder: one file per hash, within a budget of bytes and a rate, and never the last of the disk,
 // which the ticks need. What does not go in is told by the return value; nothing throws, nothing retries.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What nlohmann/json says is wrong, without its "[json.exception.KIND.NUMBER] " in front.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The parts of the MCAP file format that writer and reader share: magic, opcodes, little-endian building blocks.
 // Source: the MCAP specification, version 0 of the format (mcap.dev/spec).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads an MCAP file from front to back without needing its summary, so that a file cut off anywhere still gives back
 // every message of every chunk that is whole. Understands zstd and uncompressed chunks, and messages outside chunks.
 //

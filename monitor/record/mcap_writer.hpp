@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes an MCAP file that survives being cut off: schemas and channels first, then zstd chunks that are each whole on
 // disk, then, when finish() is reached, message counts, indexes and the footer that make it quick to open.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a recorded message's ros2msg text says of its fields, and the same message laid out as another text says: fields
 // go by their names, one that the message lacks is zero or empty, one that is not asked for is left out. So a run is
 // read by what stands in its own file, whichever version recorded it.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // /takt/policy_input (takt_msgs/msg/PolicyInput): what a policy was shown for an answer and what its network said, as
 // its process published it (executive/contract/policy_input.hpp). In the file it stands behind the newest tick that was
 // recorded when it was read, near its command but in no fixed order with it; observation_id and sequence name that.

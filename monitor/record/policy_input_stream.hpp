@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What one policy's host says of its network's inputs, read from its ring into a RecordSink. The ring belongs to one
 // session of the host, who formats it when it comes: until then there is nothing in it.
 //

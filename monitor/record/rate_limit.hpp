@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Something that is to happen at a rate, by the clock of whoever asks. Keeps the pace, and skips what was missed. Pure.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The executive's four record rings, merged back into the order of the loop.
 //
 // A tick is handed on once a later one has been seen: by then everything the loop published for it is in the rings, so

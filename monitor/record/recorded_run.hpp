@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A run folder, opened for review: its manifest, its configuration (which must be the one the manifest names), and its
 // recorded messages in order. Works on unfinished and cut-off runs. Errors are one sentence.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes one run folder: ticks.mcap, transitions.jsonl, can.log, config.yaml, drives.json, manifest.json and the seal
 // of them all (run_seal.hpp).
 //

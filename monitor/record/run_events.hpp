@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // events.jsonl of a run folder: what was done to the robot from outside, one JSON object per line, written by `takt
 // run` while it does it (docs/run-folder.md). A run that something else supervises has none.
 #pragma once

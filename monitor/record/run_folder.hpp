@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A run's folder and the names inside it. One folder holds one session of an executive as one life of the monitor saw
 // it; an existing folder is never written into again: a later session gets the name with ".2", ".3", ... behind it.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // manifest.json of a run folder: what ran, on what, from when to when, and what is missing. Written when recording
 // starts (complete: false) and again when it ends; docs/run-folder.md lists the fields.
 #pragma once

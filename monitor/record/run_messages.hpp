@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The messages of a recorded run beside the tick itself: what they hold, their ros2msg text, their CDR form.
 //
 //   /takt/tick        takt_msgs/msg/Tick        every control tick (tick_schema.hpp)

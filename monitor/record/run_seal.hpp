@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // seal.json of a run folder: what its files were when the recorder wrote them.
 //
 //   segments   of ticks.mcap, can.log and transitions.jsonl, 10 s each: bytes, when it ended, SHA-256; of events.jsonl,

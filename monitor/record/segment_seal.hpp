@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SHA-256 of a file that grows, in segments: each begins where the one before ended, so that who finds an altered byte
 // can say when it was recorded. Thread rule: one thread.
 #pragma once

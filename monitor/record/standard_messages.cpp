@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "monitor/record/standard_messages.hpp"
 
 namespace takt::monitor {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ROS 2's standard messages in a recorded run, for the usual viewers: their ros2msg text, their CDR form. The layouts
 // are those of common_interfaces and rcl_interfaces; comments are ours.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt_msgs/msg/Tick: schema text, encoding and decoding, all driven by the tables of tick_schema.
 #include <fmt/format.h>
 

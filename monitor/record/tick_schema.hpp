@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The one description of a tick record's fields: name, type, place, unit, and whether a field is an input of the
 // decision or an output of it. The MCAP schema, the CDR encoding and replay's naming of differences all come from it;
 // a test checks that together the tables cover every byte of the structures but the reserved ones.

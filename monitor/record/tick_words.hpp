@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A tick's words (modes, causes, verdicts, bits) of a run that another version recorded: by the names that stand in the
 // run's own description, for their numbers may have moved.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ticks and frames in, one CommandTrace per policy command out, refused ones included: when each stage of it began and
 // ended, by the executive's own clock and judgement (contract/tick_record.hpp, AgeParts). Pure. Thread rule: one
 // thread.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Running counts of what the executive does, since this was made: Prometheus scrapes those since the monitor started,
 // OTLP carries those of one session.
 //

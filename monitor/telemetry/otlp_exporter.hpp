@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One session's OTLP export: commands become traces, stops and faults log records, ticks metrics whose sums begin with
 // the session, in files of the run folder and in requests to a receiver, as the robot file's `otlp` section says.
 // Thread rule: one thread.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "monitor/telemetry/otlp_json.hpp"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // OpenTelemetry's OTLP in JSON: one line per export request, as the file exporter writes it and OTLP/HTTP posts it
 // (opentelemetry.io, "OTLP File Exporter" and "OTLP/HTTP": 64-bit integers as strings, ids in hex). Pure.
 //

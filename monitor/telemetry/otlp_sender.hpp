@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Posts OTLP/HTTP requests in JSON to one receiver, in order, from a thread of its own.
 //
 // A receiver that is away or overloaded (no connection, 429, 502, 503, 504) is tried again with exponential backoff and

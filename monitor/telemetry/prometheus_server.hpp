@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Serves LiveMetrics to Prometheus: GET /metrics over HTTP at the address of the robot file's `prometheus` section.
 //
 // Runs on threads of its own; the recording thread only hands over a copy now and then. A port that cannot be had is

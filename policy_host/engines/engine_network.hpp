@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A plugin's network behind the Network port.
 //
 // Outputs without names (TorchScript's) get theirs by their order: the first is the actions, each further one feeds the

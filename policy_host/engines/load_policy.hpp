@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The policy of a robot file, by the engine that the file names, and the sampler around it where there is one
 // (policy_host/flow): the one way in for everything that runs one (policy host, checks, rollouts).
 //

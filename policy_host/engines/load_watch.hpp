@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // While foreign code is loaded: what would end or stall the process without a word ends it with one line and 65.
 //
 //   LoadWatch watch("/opt/plugin.so", seconds(60));   // a crash, an exit(), a hang from here on is said of this file

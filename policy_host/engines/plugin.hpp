@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A plugin opened (takt/engine.h): its table judged once, its networks behind an owner that closes them.
 //
 // Errors: one line that begins with the plugin's path. Once opened a plugin stays for the life of the process: its

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // For plugins: tensors that own names and values, listed as takt/engine.h wants them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the metadata of an ONNX file that exploy exported says (rai-opensource/exploy): tensors speak by their names,
 // joints and ranges by one JSON each. Quaternions are w x y z there. Its only IMU (`sensor.imu.NAME`) is taken for the
 // robot's, of several the one that is called as the base; another, like another body, is an outside sensor's.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a sampler is shown behind the observation: the numbers that its noise is drawn from, and the path that is being
 // played. Part of the policy's input, so that the recorded input alone says what the answer must be, bit for bit.
 //

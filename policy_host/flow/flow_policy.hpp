@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A flow's velocity network behind the Policy port, as a policy that says whole chunks: draws noise, denoises it in
 // equal steps x += v(observation, x, t) / n from t = 0 (noise) to t = 1 (action), and chooses among samples.
 //

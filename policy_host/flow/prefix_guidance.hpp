@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Weights by which a flow policy is drawn towards the path it continues while it denoises (real-time chunking; rule:
 // Physical-Intelligence/real-time-chunking-kinetix, arXiv 2506.07339). Pure.
 //

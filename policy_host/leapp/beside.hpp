@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files that a bundle's YAML names: beside it, and nowhere else, as for the data of an ONNX file
 // (onnx/external_data.hpp). What lies elsewhere the policy's hash does not cover, and a deployment does not copy.
 #pragma once

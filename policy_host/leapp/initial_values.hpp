@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A safetensors file as LEAPP writes it beside a bundle: the first values of the feedback inputs, by the port they
 // start ("node/input"). Only float32 is read, at most 64 MiB, and never more values than the file has bytes for.
 // Errors: one line, file, what is wrong. Thread rule: set-up only.

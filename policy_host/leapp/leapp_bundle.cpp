@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "policy_host/leapp/leapp_bundle.hpp"
 
 #include <fmt/format.h>

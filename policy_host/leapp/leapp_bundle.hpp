@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The YAML of a LEAPP bundle (nvidia-isaac/leapp, configuration versions 1.1 to 1.3; Isaac Lab 3.0's export): which
 // models it has, what each tensor means, what feeds what. What the file says, as values; nothing that it leaves out is
 // filled in.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The networks of a LEAPP bundle, loaded and wired as its YAML says.
 //
 // Refused, one line each: a network whose SHA-256 is not the YAML's, or for which the YAML has none; a backend other

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Functions of one element: arithmetic (Abs, Neg, Reciprocal, Sqrt, Exp, Log, Sin, Cos, Erf), activations (Relu,
 // LeakyRelu, Elu, Tanh, Sigmoid, Softplus, Gelu) and Clip.
 #include <fmt/format.h>

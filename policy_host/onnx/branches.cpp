@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // If: one of two graphs, by a truth that an input decides. Only the chosen one runs.
 //
 // Both make the same shapes, known at load. Not a number as the truth is not a number in every output.

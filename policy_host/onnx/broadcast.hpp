@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // NumPy broadcasting of two operands, resolved at load into rows that a plain loop can run.
 #pragma once
 

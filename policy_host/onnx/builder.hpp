@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Turns the nodes of a screened graph into a Program, one after the other.
 //
 // Every value has its final shape and address as soon as it exists. Integers are always known at load, which is what

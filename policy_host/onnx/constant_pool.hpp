@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One copy of equal constants for all models of this process, so that networks with the same weights (a policy and the
 // fallback made of the same file) find them in the processor's caches.
 //

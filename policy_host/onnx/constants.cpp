@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Operators whose result is known at load: Constant, ConstantOfShape, Shape, and Cast between the two element types.
 #include <fmt/format.h>
 #include <onnx/onnx_pb.h>

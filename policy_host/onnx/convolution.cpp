@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Conv over one or two dimensions: the input's patches, gathered as the panels of a right-hand matrix, times the
 // kernels.
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Add, Sub, Mul, Div, Mod, Pow, Min, Max with NumPy broadcasting; all but Pow on int64 constants too, where exporters
 // compute shapes.
 #include "policy_host/onnx/elementwise.hpp"

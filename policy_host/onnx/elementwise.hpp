@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Binary element-wise arithmetic for the operators that end in one (Gemm adds its C this way).
 #pragma once
 

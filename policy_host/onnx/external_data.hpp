@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Weights that a model keeps in files beside itself, as exporters write them since models outgrew 2 GiB.
 #pragma once
 

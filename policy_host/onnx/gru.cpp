@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // GRU: gates z and r through the logistic function, candidate n through tanh; H' = (1 - z) n + z H.
 // The reset gate acts on the state before its product with the weights, or after it (linear_before_reset, PyTorch's
 // way).

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Element-wise mathematics in whole registers.
 //
 // The transcendental functions are Eigen's packet polynomials. Remainders go through a padded register too, so that an

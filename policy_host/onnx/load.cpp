@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From bytes to a Program: screen what messages would take, parse, bring in what lies beside the file, screen, settle
 // the batch, let libonnx check and infer where it knows the opset (without it: what the screen and the operators check
 // themselves), compile, compare.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // LSTM: gates i, o, f through the logistic function, the candidate c through tanh; C' = f C + i c, H' = o tanh(C').
 #include <algorithm>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Gemm and MatMul, both on the panel product.
 #include <fmt/format.h>
 

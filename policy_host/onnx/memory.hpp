@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What recurrent nodes of a graph forget between runs, told without compiling it: for files that another engine runs.
 #pragma once
 

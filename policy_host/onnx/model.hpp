@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Built-in ONNX engine: loads a policy network once, then evaluates it with the same bits for the same input.
 //
 //   auto model = onnx_engine::load("policy.onnx");          // std::expected: the error is one line, with the cure

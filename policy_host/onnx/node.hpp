@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What an operator sees of its node: inputs with their shapes, attributes with their defaults, and a way to refuse.
 #pragma once
 

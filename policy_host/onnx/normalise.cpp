@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Softmax, LayerNormalization, BatchNormalization. Sums run in ascending order.
 #include <fmt/format.h>
 

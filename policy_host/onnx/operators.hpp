@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The operators this engine evaluates: one table, one function per operator, one file per family.
 #pragma once
 

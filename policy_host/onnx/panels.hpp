@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Matrix product in a fixed order of additions.
 //
 // The right-hand matrix is packed into panels of 32 columns, padded with zeros. Every element of the result is summed

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // MaxPool, AveragePool, GlobalAveragePool: every channel's plane by itself. Sums run in ascending order.
 #include <cmath>
 #include <utility>

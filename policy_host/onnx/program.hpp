@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A compiled model: steps bound to storage at load, run in order ever after.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Operators that move elements without changing them: Transpose, Slice, Split, Gather, Expand, Concat.
 //
 // All but Concat, and a Gather whose index an input decides, are one table: for each element of the result, where it

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What LSTM and GRU share: sizes, packed weights, the input's product for the whole sequence, and the walk through
 // time.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reductions over some axes: ReduceMean, ReduceSum, ReduceL2. Sums run in ascending order.
 #include <cmath>
 #include <utility>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // First look at an untrusted model, before libonnx reasons about it: only what this engine could evaluate passes.
 #pragma once
 

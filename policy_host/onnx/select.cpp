@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Equal, Greater, GreaterOrEqual, Less, LessOrEqual, and Where, which chooses by a truth.
 //
 // Not a number has no truth: a comparison with it is not a number, and what Where chooses by it too. (The specification

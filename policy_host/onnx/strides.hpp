@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Walks through row-major tensors in another order: the offsets are worked out at load, a run only follows them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shapes and storage of the engine's tensors: row-major, every dimension known once a model is loaded.
 #pragma once
 

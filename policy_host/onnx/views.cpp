@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Operators that only rename a shape: the elements stay where they are, and nothing happens on a run.
 #include <fmt/format.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The window that a convolution or a pooling moves over the last one or two dimensions of [batch, channels, ...].
 #pragma once
 

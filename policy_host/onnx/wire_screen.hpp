@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The very first look at an untrusted model: what would building its messages cost? A message takes two bytes in a file
 // and hundreds in memory, so that a few megabytes of empty nodes want gigabytes of it.
 //

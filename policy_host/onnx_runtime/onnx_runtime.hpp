@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ONNX Runtime: an engine for networks beyond small actors (onnx_runtime_engine.cpp), and a second opinion on what the
 // built-in one computes and how long it takes. A shared library that the reader has, opened at run time. Takt neither
 // links nor ships it.

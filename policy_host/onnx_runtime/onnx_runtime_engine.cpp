@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ONNX Runtime as a plugin (takt/engine.h): for what the built-in engine refuses, or runs slower. It opens the library
 // of policy.engine.library when it is opened itself, and links none.
 #include <fmt/format.h>

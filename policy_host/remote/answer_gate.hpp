@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a robot's bridge knows of the observations that it showed, and its verdict on what comes back. The other machine
 // is trusted with nothing: an answer counts only for an observation of this session, with this robot file, policy and
 // shape, once, and not behind a newer one. Age is not judged here: the executive does, by its own clock.

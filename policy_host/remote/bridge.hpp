@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // On the robot: takes the policy's lease at the executive, shows observations and samples of outside sensors to policy
 // servers in the robot file's DDS domain, and plays the answers of one of them. To the executive it is a policy host
 // like any other, trusted with nothing.

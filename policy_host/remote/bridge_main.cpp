@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt-policy-bridge: on the robot, in the place of a policy host, for a policy that runs on another machine.
 #include "policy_host/remote/bridge.hpp"
 #include "policy_host/remote/program.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The robot's outside sensors, served again on the policy's machine: sensor-NAME.sock beside the policy's seat, with
 // stamps of this machine's clock made of the ages that the robot's observations state.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What both ends of a remote policy do before they begin: the robot file, the policy's identity, signals, refusals.
 #pragma once
 

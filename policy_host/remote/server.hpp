@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // On the policy's machine: shows the observations of a robot's bridge to a policy that sits here as if at the
 // executive, and sends its answers back. One per robot; a robot may have several, on several machines.
 //

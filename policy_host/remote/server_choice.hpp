@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which of several policy servers a robot follows. One leads until it is silent for longer than is usual for it, and
 // another has something better to say; then that one leads. Nobody gets the lead back for having had it. Pure.
 //

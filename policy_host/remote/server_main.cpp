@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt-policy-server: on the policy's machine, in the place of the executive.
 #include <unistd.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The three topics between a robot's bridge and its policy servers (dds/policy_types.idl): endpoints with their QoS.
 // Errors: one sentence.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* An inference engine for Takt's policy host, in C: the interface between the host and a plugin, which it opens with
  * dlopen. The plugin runs a network; the host does everything else: observations, pacing, hidden state that goes round,
  * stamps, rendezvous, faults. ONNX Runtime and TorchScript are such plugins (docs/own-engine.md).

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The linear algebra library (BLAS) that libtorch found: Debian lets the machine choose it, and its reference one is
 // many times slower than others (docs/policies.md).
 #pragma once

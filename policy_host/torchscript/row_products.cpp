@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "policy_host/torchscript/row_products.hpp"
 
 #include <torch/csrc/jit/passes/inliner.h>

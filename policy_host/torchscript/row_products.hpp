@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One observation is one row, and libtorch multiplies it with a layer's weights by a product of matrices, for which a
 // BLAS packs all of them first: several times the work of a matrix-vector product.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // TorchScript as a plugin (takt/engine.h), by libtorch: policies as torch.jit.save writes them.
 //
 // forward's arguments are the inputs, by their names; what it returns, a tensor or a tuple of them, are the outputs, in

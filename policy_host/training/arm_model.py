@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The robot file as training needs it: plain SI numbers, and the arm's forward kinematics for a whole batch at once.
 
 Shapes: q is (batch, joints) in rad; positions are (batch, 3) in m in the base frame; Jacobians are (batch, 3, joints).

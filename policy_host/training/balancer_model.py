@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The robot file of the robot on two wheels and its MJCF as training needs them, and the dynamics for a whole batch at once, which can be
 differentiated. Wheels do not slip; the base neither slides nor rolls sideways.
 

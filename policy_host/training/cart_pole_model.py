@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The robot file of a cart with a pole as training needs it, its dynamics for a whole batch at once, and the two
 linear-quadratic regulators that come of it: the teacher's, which moves the cart, and the executive's fallback.
 

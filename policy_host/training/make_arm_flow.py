@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Fits a policy that denoises its chunks (docs/flow-policies.md) to demonstrations of an arm that follows a moving target in either of two
 postures, one as good as the other: a joint (--lane) turned by up to --reach to one side or the other of where it would be by itself, the
 other joints keeping the tool on the target.

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Trains the policy of the robot on two wheels, which falls when nobody balances it, by gradients through the simulated mechanics.
 
 A batch of robots, each with a latency, a body mass and a command of its own, is simulated; what it costs to be tilted, to be slower or

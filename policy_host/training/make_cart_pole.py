@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Trains the balancing demo's policy by imitating a teacher that knows the mechanics.
 
 The teacher is a linear-quadratic regulator of the cart's acceleration with bounded acceleration, speed and distance; a

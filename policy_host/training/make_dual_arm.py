@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Makes the two-arm demo's policy of the one-arm demo's: two copies of the trained network, one per arm.
 
     /usr/bin/python3 policy_host/training/make_dual_arm.py config/arm6_reach.onnx config/dual_arm12_reach.onnx

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Fits a policy that denoises its chunks (docs/flow-policies.md) to demonstrations of a balancing cart that has two places to stand: left
 or right of where it is wanted, one as good as the other.
 

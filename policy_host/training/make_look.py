@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Trains a policy that looks: a small convolutional network finds a bright spot in an image, and the arm turns after it.
 
 The network learns where the spot is, of images that are drawn here: a spot of 6 to 12 pixels, as bright as it happens,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The policy network and its ONNX form. Normalisation is folded into the first and last layer, so that the file takes
 the observation exactly as the robot file lists it and gives targets relative to home."""
 import numpy as np

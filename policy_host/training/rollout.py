@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A batch of arms in closed loop: observation every policy period, chunk played out by interpolation, joints that trail
 their setpoint like a first-order lag with bounded speed. Coarse on purpose: takt-plant is the judge of the result."""
 from dataclasses import dataclass

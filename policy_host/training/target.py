@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Moving targets and the camera that sees them: a batch of 3-D Lissajous curves, sampled late and with jitter."""
 from dataclasses import dataclass
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The teacher: inverse kinematics of where the target will be, approached from where the arm is.
 
 It sees the true future of the target; the network that imitates it must anticipate from camera samples.

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Trains the demo arm's target-tracking policy by imitating a teacher that knows the target's future.
 
 Data is aggregated over rounds: first the teacher drives, then the network drives half of the arms while the teacher

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A gamepad as the kernel shows it: /dev/input/event*, by linux/input.h alone.
 //
 // Events are stamped by the kernel with CLOCK_MONOTONIC. Errors: one sentence. Thread rule: one thread.

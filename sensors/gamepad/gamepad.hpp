@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a person wants, out of a gamepad's events: sticks become the values of a `command` sensor while the dead-man
 // button is held and the pad is heard.
 //

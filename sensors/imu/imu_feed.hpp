@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One hearing of an MTi, from the opening of its port or bus to the end of it: its samples go into the sensor's
 // mailbox, what became of them into the log. Thread rule: one thread.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sensors/imu/imu_reading.hpp"
 
 #include <algorithm>

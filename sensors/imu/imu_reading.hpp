@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From the part's samples to the executive's: in the base frame, each once, stamped.
 //
 // Stamp: when the first byte or frame of the sample was received, or earlier: one that waited in a buffer is as old as

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Listens to an MTi until a signal comes (the answer is empty) or there is nothing to hear (why, one sentence): not
 // every system says that a port or an adapter vanished, so after a second of silence it is opened anew.
 // Thread rule: one thread, which takes the signals while it waits, and at no other time.

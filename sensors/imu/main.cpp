@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt-imu: an Xsens MTi on a serial port or a CAN bus, as the IMU of a robot.
 // Exit codes: 0 ended by a signal, 64 usage, 65 robot file refused, 69 another process serves the sensor, 70 internal.
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What an Xsens MTi says of one instant, by whichever of its protocols. Frames and units are Xsens': sensor frame S,
 // local frame L with z up.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Messages of an Xsens MTi on a byte stream, and what MTData2 says in them, as Xsens' MT Low Level Communication
 // Protocol Documentation (MT0101P) has it: preamble FA, bus id FF, message id, length (FF: two more bytes hold it),
 // data, and a checksum that makes everything behind the preamble sum to 0 modulo 256. Numbers are big-endian.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Samples of an Xsens MTi on a CAN bus, as Xsens' MT CAN Protocol Documentation (MT1604P) has them: a frame for each
 // quantity, numbers big-endian, ids set in MT Manager. A sample is Group Counter, Quaternion, Rate of Turn and
 // Acceleration; the counter has the lowest id, so that it goes first and begins the group.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sensors/imu/serial_port.hpp"
 
 #include <fcntl.h>

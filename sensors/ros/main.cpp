@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt-ros-sensors: topics of ROS 2 as the sensors of a robot whose entries have `ros`.
 // Exit codes: 0 ended by a signal, 64 usage, 65 robot file refused, 69 no DDS domain, or another process serves a
 // sensor, 70 internal.

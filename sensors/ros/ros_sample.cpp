@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sensors/ros/ros_sample.hpp"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Messages of ROS 2 as a sensor's samples. Pure: idlc's structures in, values out.
 //
 //   Image       rows without their padding; the encoding and size of the robot file, or refused

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // When a message of ROS 2 was sensed, by this machine's CLOCK_MONOTONIC. Pure.
 //
 // A stamp is Unix time by the clock of whoever wrote it: this machine's, which can be compared, or another's, of which

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One topic of ROS 2, and the sensor that it feeds. QoS as ROS 2's sensor data: best effort, volatile, the newest few.
 // Cyclone DDS does not tell a best-effort reader what it lost; what can be counted is how often nothing came.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The first seconds of a deployment on the robot, judged from what its executive says of itself. Pure: statuses and
 // times come in, a verdict comes out.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Does a robot file with its policy work at all, before it touches a robot? The network is loaded and must fit,
 // or the program takes the robot; where
 // the file has `simulation`, one rollout of a few seconds in virtual time: it must come to tracking and stay there,

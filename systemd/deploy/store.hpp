@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where a machine keeps the robots it was told to run, one folder each, and which of them it runs.
 //
 //   STORE/robot                          link to the folder in use; units read STORE/robot/robot.yaml

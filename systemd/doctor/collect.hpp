@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads this machine: the only part of the doctor that touches files, limits and processes. What is absent or cannot be
 // read stays empty in the snapshot; nothing here fails. Thread rule: any one thread.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Judges a snapshot: what stands between this machine and a punctual control loop. Pure: no file, clock or process.
 //
 // fail: the executive would refuse to start, or its loop cannot be relied on; warn: it runs, later or less punctually

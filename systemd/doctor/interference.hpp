@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads how often something took a processor away without the kernel's doing: system management interrupts (the
 // firmware's; Intel's processors count them, and the msr driver shows the count) and time that a hypervisor gave to
 // others ("steal"); and how busy the other cores were, without which a punctual machine proves little. Counts since the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shared by the judging files of this room: what every check is given, and how it says what it found.
 #pragma once
 

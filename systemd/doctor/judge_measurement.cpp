@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The wake-ups that were measured, which have the last word, and what took the processor away meanwhile.
 #include <fmt/format.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What else may take the control core or slow it down: its hardware threads, others' real-time threads, kernel work,
 // memory that moves. Source of the settings: Documentation/admin-guide/{cpu-isolation,mm/transhuge,sysctl/kernel},
 // Documentation/core-api/workqueue, and tuned's profile `realtime`.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Kernel, cores, frequency, sleep states, interrupts, clock: what decides when a thread runs.
 // Source of the settings: Documentation/admin-guide/kernel-parameters, Documentation/admin-guide/pm/{cpufreq,cpuidle}.
 #include <fmt/format.h>

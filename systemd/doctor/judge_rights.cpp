@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the executive may ask of the kernel: priority, locked memory, and how long it may run at a stretch.
 #include <fmt/format.h>
 

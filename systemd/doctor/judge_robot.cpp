@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the robot's file asks of this machine: its CAN interfaces, room for its runs; and whether the machine restarts
 // itself when all else fails.
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How the kernel's one-line files are read. What is absent or malformed reads as empty.
 #pragma once
 

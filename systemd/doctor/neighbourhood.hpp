@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads what else may take the control core or slow it down. What is absent stays empty; nothing fails. Thread rule:
 // any.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "systemd/doctor/own_load.hpp"
 
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A load for the time of a measurement: one thread per core, the control core's apart, that copies memory beyond the
 // caches' size, and one that writes and syncs a file. Ordinary priority; ends with the object. What a robot's own
 // programs do beside it is better still. Thread rule: one thread.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `takt doctor` read on this machine, before anybody judges it. Plain data, so that tests can plant facts.
 // An absent optional or an empty text: the machine does not say.
 #pragma once

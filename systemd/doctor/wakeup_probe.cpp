@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "systemd/doctor/wakeup_probe.hpp"
 
 #include <fcntl.h>

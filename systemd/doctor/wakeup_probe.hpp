@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Measures how late a thread like the control thread wakes up: absolute sleeps of one period, SCHED_FIFO and locked
 // memory where they are granted, pinned to the core, sleep states forbidden by /dev/cpu_dma_latency where it can be
 // opened. In the way of cyclictest (rt-tests), which this does not replace. Counts SMIs and stolen time meanwhile.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the benchmark programs share: a clock of a few nanoseconds, order statistics, pinning and real-time scheduling
 // with a way back, memory shared with forked children, and output as text for people or as JSON rows for scripts.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the floor of what an executive can do on CAN: a loop that wakes up and writes its frames, and does nothing
 // else. Method: SCHED_FIFO, memory locked, absolute sleeps; at each wake-up one frame of eight bytes per identifier,
 // shared evenly among the interfaces. Prints when it woke up, ns of CLOCK_REALTIME, which a peer's stamps of the same

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What one joint's frames cost per tick, protocol by protocol: encode the command and decode the reply, host side.
 //
 // Method: the driver and the simulated drive of the first joint of each protocol in a robot file work together in

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cyclone DDS over the loopback interface, best effort, keep-last 1, blocking in a wait set: what a ROS 2 node would
 // do.
 #include <dds/dds.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What telling costs the control loop: how late the executive wakes and how long its tick works, with every exporter on
 // (LTTng trace, OpenTelemetry files, Prometheus with a scraper, ROS 2 topics) and with none.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // iceoryx, polled with take(), queue of one: its fastest way to the latest value. The daemon that iceoryx needs
 // runs in a child of ours, with one small memory pool.
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What one inference costs in each engine, as the policy host runs it (input copied in, network, hidden state round):
 // the built-in engine, ONNX Runtime where --onnxruntime names it, TorchScript where its plugin was built; one thread
 // each. For actors also a floor: the same layers as Eigen matrix-vector products with ELU between them.

@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """The networks of `./dev bench inference`, with seeded weights, each as ONNX and as TorchScript: FOLDER/NAME.onnx, FOLDER/NAME.pt.
 They are sized as published ones are; what they say means nothing. FOLDER/limit has ONNX networks of growing products of matrices, which show where
 the built-in engine stops being the quicker one. Usage: inference_networks.py FOLDER

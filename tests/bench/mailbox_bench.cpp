@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt-bench-mailbox: what the mailbox costs, as multiples of the machine's own floor (one cache line passed between
 // two cores) and of other transports, all measured in one run, interleaved, medians over repetitions. Bounded: about 30
 // s.

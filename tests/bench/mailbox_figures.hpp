@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The single figures of the mailbox benchmark, each measured once per call; times in ns. `cpus`: writer, reader.
 #pragma once
 

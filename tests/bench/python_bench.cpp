@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt-bench-python: what one step of a Python policy costs beside its inference, against the C++ policy host, in one
 // run.
 //

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The Python side of `./dev bench python`: a policy whose inference is nothing, so that all that is left is what Takt costs."""
 import sys
 

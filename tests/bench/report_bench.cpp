@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the report of a long run costs: an hour of the virtual robot, with encoder noise, varying ages and a stall of
 // the policy every minute, recorded by the real recorder; then `takt report` on it, and the page opened in Chromium.
 //

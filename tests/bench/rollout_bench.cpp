@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a rollout in virtual time costs beside its physics: the share of its time spent outside MuJoCo, and how much of
 // that are the networks, which is the floor of it. The linker puts a stopwatch around every function of MuJoCo that a
 // step calls; two readings of it are a thousandth of a step. Another stands around every inference.

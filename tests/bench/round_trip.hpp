@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A 512-byte round trip between two processes over any transport: one child echoes, one measures, and the parent, which
 // runs neither, asks for one repetition at a time so that transports can be interleaved.
 #pragma once

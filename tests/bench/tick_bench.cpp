@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What one tick costs at 1 kHz: wake up, read the command mailbox, decide, push the records. Bus input and output and
 // tracing are not in it.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The least that a tick must do, as a floor for what ours does: read the newest command and check each of its values,
 // follow its first step by a PD law, clamp torques, keep position and speed inside barriers in closed form, project on
 // eight half-spaces three times, and push a record of 512 bytes. No modes, ages, references, model or evidence.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What tracing costs the executive's tick: work per tick and wake-up latency with an LTTng session on and off, in one
 // run of a real robot.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How late the control thread wakes: the product's own wake-up code, sleep and hybrid, beside cyclictest at the same
 // priority, period and processor, interleaved, idle and under load on the other processors.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt-bench-world: what a step in a world of another process costs beside that world's own work, by the ways a world
 // can be had.
 //

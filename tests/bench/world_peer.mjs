@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The JavaScript side of `./dev bench world`: a world whose work is nothing. Usage: world_peer.mjs SOCKET
 import { serve } from '../../client/javascript/takt-world.mjs';
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The Python side of `./dev bench world`: a world whose work is nothing. Usage: world_peer.py SOCKET memory|socket"""
 import sys
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the `takt` program does what its help says and ends with the documented exit codes. Method: the real binary, in
 // a directory of its own; `takt run` with the real processes of the demo robot, after which nothing may be left
 // running.

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: from published files to tracking in simulation with fewer than 20 manual edits, and nothing special to the robot that we tried first.
 Method: `takt config import`, then every FILL_IN that it leaves is written by this script and counted as an edit; `takt config check` has to take
 the file, and the robot has to do its task in virtual time, through drives, executive and policy.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The real `takt` for tests, in a directory that goes away with the test.
 #pragma once
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: half an upgrade leaves a robot that can be stopped: `takt stop`, `status`, `arm` and `reset` need no library but
 the compiler's and libc. Method: the libraries that any program of Takt is linked to are hidden one after the other, by
 a mount in a namespace of its own, and each verb is asked of a real executive; the answer has to be the executive's.

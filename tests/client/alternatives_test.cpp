@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: of the chunks that a policy gave for states that are not there yet the nearest that came true is published,
 // with every target at the instant that it was meant for and as old as what it rests on; what did not, or comes too
 // late, is gone and counted. Method: one joint, observations by hand; Alternatives alone.

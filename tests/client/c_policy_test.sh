@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: takt/client.h is C11 without a warning, what is installed is all that a C policy needs, and `takt run` starts it. Method:
 # the installation is staged, the example is built against it alone by gcc, is refused a robot file that does not fit it, and
 # drives the demo robot for two seconds; the last joint must have moved. Usage: c_policy_test.sh SOURCE_DIR BUILD_DIR

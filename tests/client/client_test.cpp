@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what a policy is told and what its commands say is true: newest observation only, what was dropped, when to
 // forget, the oldest sample of everything read, its own stamps, packed fields; and the recorder is told what it was
 // shown. Method: takt/client.h against an

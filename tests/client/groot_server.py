@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A policy server as GR00T's speaks, by python3-zmq and python3-msgpack, that behaves as a test says."""
 import io
 import threading

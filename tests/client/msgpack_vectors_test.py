@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: what Takt's policy clients put on the wire means to another implementation of MessagePack what it means here, and what that one
 writes is read as it was meant. Method: messages of both protocols through npm's @msgpack/msgpack, both ways; openpi's arrays one way
 only, for that library cannot write their keys, which are bytes. Exit code 77: python3-msgpack, node or its packages are not installed

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: takt.open gives what a run and a panel left behind, as tables that agree with what was computed from the same files elsewhere; what is cut off or
 is something else is said in one sentence. Method: a recorded run of the demo arm and a sample artifact, made by the build; metrics.json, transitions.jsonl,
 the Parquet file's twin and what the writer of policy inputs says it wrote are the judges. Usage: open_run_test.py SOURCE_DIR MAKE_RECORDED_DEMO

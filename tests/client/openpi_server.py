@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A policy server as openpi's speaks, by python3-websockets and python3-msgpack, that behaves as a test says."""
 import asyncio
 import itertools

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: whatever a policy server does, infer() returns in its time with the answer to this very question, or with None and the reason;
 never with another's; and once the server behaves, it answers again. Method: servers of one misbehaviour each, openpi's with
 python3-websockets and GR00T's with python3-zmq; a good answer repeats the question's number in every value. Exit code 77: those are not installed.

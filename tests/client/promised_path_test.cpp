@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what a policy is told of the path that will be played whatever it answers is that path, at the instants of its
 // answer's steps: whatever clocks jitter, however steps are joined, at a chunk's end; and only of chunks that this
 // policy published in this session. Method: chunks whose values say where they belong, observations as the executive

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: the wheel, in a fresh environment, is all that a numpy policy needs to drive the demo robot; what does not fit is refused in
 one sentence; a policy sees what it asked for, and leaves cleanly. Method: `takt run` with real processes, policies of a few lines
 written by the tests; the arm's true motion comes from the simulator. Usage: python_policy_test.py SOURCE_DIR BUILD_DIR

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A Python policy beside real processes: the wheel in a fresh environment, a folder with robot.yaml (the demo arm, patient) and policy.py, and `takt run`.
 Tests that use it are called with SOURCE_DIR BUILD_DIR.
 """

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: what an author of a policy with real-time chunking writes works as written: connected with join="rtc", it is given what will be played whatever it
 answers, where its network expects it, and what it goes on from is what the robot did. Method: `takt run` with real processes; the recorded run is the judge
 of what obs.committed said, from the messages of the policy and the executive's references. Usage: rtc_policy_test.py SOURCE_DIR BUILD_DIR. Exit code 77:

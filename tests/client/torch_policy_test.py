@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: a PyTorch policy is a policy: what it has learned is its identity, its tensors are observations and answers, and what the robot got is what the network
 says of what it was shown. Method: `takt run` with real processes and a small network of PyTorch's (Debian's python3-torch); the recorded run is read, and the
 network asked again. Usage: torch_policy_test.py SOURCE_DIR BUILD_DIR. Exit code 77: PyTorch, pandas or zstandard is missing.

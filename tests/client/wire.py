@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A way to a server that a test can make a bad one."""
 import socket
 import threading

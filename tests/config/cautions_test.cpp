@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: every value of the table, legal and dangerous, has its line with the key, and the robots that come with Takt
 // have none. Method: one value changed in a shipped robot; the lines before and after.
 #include "config/cautions.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a robot file imported from a deploy.yaml carries exactly what the export says, and nothing it does not say.
 // Method: a small export written here, and Unitree's published G1 export where it is present; the FILL_INs are
 // replaced by values made up for the test.

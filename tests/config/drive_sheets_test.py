@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: the drive sheets are right, what is made of them is not older than they are, and where sources conflict there is
 no value. Method: commands that others published are taken apart here, by arithmetic of this file alone, with the
 sheets' ranges; numbers are typed here from the makers' papers; the generator is run with --check; sheets with one

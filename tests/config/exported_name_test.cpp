@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a name out of another's file stays a name, wherever it comes to stand. Method: names that exporters write, and
 // such as would be read as more; text of any kind, written and read back by the robot file's own reader.
 #include "config/exported_name.hpp"

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: the JSON Schema that editors get accepts every robot file of config/, and marks what they should mark. Method: an
 independent validator (python3-jsonschema) on config/*.yaml, and on copies of one with a single mistake each, planted at a
 path. Usage: json_schema_test.py TAKT CONFIG_DIR. Exit codes: 0 fine, 1 not, 77 the validator is not installed.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a robot file means what it says, or is refused with the place and the remedy. Method: a table of broken files
 // with the exact complaint; properties of the canonical dump; the committed demo robot.
 #include "config/load.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a model of several files is read as one, and what is said of its lines names the files' own. Method: files
 // written by the test, among them one that is missing, one that includes itself, and comments that say `<include`.
 #include "config/model_text.hpp"

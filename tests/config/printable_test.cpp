@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: no byte of a stranger's text is obeyed by a terminal, and readable text stays as it is. Method: control
 // characters of each kind alone, broken and overlong UTF-8; then every pair of bytes, of which none may leave a
 // control.

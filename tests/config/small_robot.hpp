@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A valid two-joint robot with every section, for tests to break in one place at a time.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: quantities keep their value on the way in and out. Method: a table, and the round trip of random doubles.
 #include "config/units.hpp"
 

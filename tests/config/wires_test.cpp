@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what a robot file says of divided rates, CAN FD, temperatures and stops is read, refused where it cannot hold,
 // and its price told. Method: the small robot with one place changed; sentences compared whole.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the type hashes are those ROS 2 computes. Method: hashes that ROS 2's own tools print for its standard
 // messages; and the fields that enter the hashes compared with the IDL that defines the wire and with the .msg files
 // that ROS 2 would compute its hash from.

@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: the Grafana dashboard shows a run: every one of its queries is answered by Prometheus, and the document's picture of it is today's.
 Method: the scrapes of a robot in virtual time are imported into a real Prometheus, which answers each panel's query over the five
 minutes; the panels are drawn from the dashboard's own titles, places, units and legends. Grafana itself is not asked.

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: the table of the headline panel in docs/panels.md is what today's program gives. Method: rows of the table,
 drawn by its own bytes, are run again, all seeds and methods of each. On another kind of processor the last bit of a
 sine differs, and a pole that falls late may stand: a cell may differ by what chance does to 50 rollouts. With --write

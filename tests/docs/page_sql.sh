@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
 # page_sql.sh PAGE.md MAKE_RECORDED_DEMO MAKE_SAMPLE_ARTIFACT TAKT: runs the page's SQL on a recorded run, the table that the
 # page's own Python makes of it, the data set that it is exported to, and an artifact. Skips (77) without node, its packages, or Python's; TAKT_REQUIRE_NODE=1
 # makes that a failure.

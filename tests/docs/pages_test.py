@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: a newcomer finds every page, no link leads nowhere, no merge left its marks, and the first page stays short.
 Method: links of README.md and of docs/*.md are followed on disk; docs/README.md names every page; README.md has at most
 120 lines of at most 120 columns; no line of a page or of the changelog is a conflict's mark; a release has at most 40 lines in the

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: the documents' pictures show what today's sources draw. Method: age.svg, top.svg and trace.svg are drawn again and must be
 the same bytes; of report.png, which only a browser can draw, the sources' hash must be the one that was written beside it. `./dev
 pictures` draws all anew. Usage: pictures_test.py REPOSITORY PROGRAMS [--write]: write the hash. Exit codes: 0 fine, 1 not.

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Executes a page of the documentation: run_page.py [--patient] PAGE.md BIN_DIR [NAME=FILE...]
 
 Blocks are taken in the page's order, in one new temporary folder that sees the repository's `config/` and `docs/`, the build's wheel

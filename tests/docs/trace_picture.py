@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """trace_picture.py TRACE.json OUT.svg: the tracks of a file for Perfetto, as a viewer of such files shows them: the constructed trace's
 3 ms around its first arrow. Spans, counters and the arrows from an observation over the inference to its first use."""
 import collections

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # with_slurm.sh COMMAND...: runs COMMAND with a Slurm cluster of its own, one node with two processors on this machine's
 # loopback, and ends the cluster with it. Debian's slurm-wlm and munge; no systemd, no cgroups, no account database; all
 # files in a temporary folder, ports that nobody listens on, the key of munge private to this user.

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: no edit of a finished artifact passes for the artifact. Method: a small panel in virtual time; edits of its rows, manifest and files, each in
 a copy of its own, judged by `takt audit`. First edits alone: refused, or an item is missing. Then edits by somebody who knows the format: the seals
 of the rows are made anew, the artifact is reopened, and `takt panel run --resume` names it again. Those are consistent, and never audit-ready: rows

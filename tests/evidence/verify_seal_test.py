@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: a stranger finds every edit of a signed artifact or run folder with evidence/artifact/verify_seal.py and the signer's key, and
 OpenSSL reads what `takt seal` writes. Method: a small panel in virtual time and a recorded run of the virtual robot, both signed; their
 signatures judged by the verifier, by `takt audit`, and by `openssl pkeyutl`, which knows nothing of either; then random flips, cuts, swaps

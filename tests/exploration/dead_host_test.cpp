@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: no drive is armed that nothing is known to stop when commands cease, unless the robot file says why. Method:
 // the world of the exploration with drives that, left to themselves, go on for ten seconds after the last command; one
 // joint after another has no waiver, the others have one; the executive stands still for two seconds. Either it never

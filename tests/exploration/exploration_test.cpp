@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: whatever strikes and whenever, the wire and the true motion keep the contract (oracles.hpp). Method: the
 // executive's own loop and drivers in a simulated world, many seeded schedules of ten simulated seconds; what breaks a
 // promise is shortened to the events that it takes, and told with one command. Faults planted between executive and

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Prints docs/hazards.md: the table of executive/hazards, the reaction table, and reaction times as they are measured
 // now, in virtual time. `hazard_page --proofs`: the tests that the table names, one a line, and nothing measured.
 // `hazard_page --mutants`: the faults that it names beside them (tests/mutants), each with the proofs of its row, one

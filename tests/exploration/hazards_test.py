@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: docs/hazards.md is what the hazard table and the measured reaction times say, and every test that the table calls
 a proof is there, runs and passes. Method: the page is made again and compared; each proof's program is run with a
 filter, and its report must have the case, completed, without a failure; a proof that is skipped, disabled or missing

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: where steps are held (policy.action.interpolation: hold), no frame carries a velocity setpoint while the
 // reference moves; where they are a path, frames do. Method: the world of the exploration without any trouble; frames
 // of the mit drive are read by the protocol's paper.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What must hold of a robot under Takt, judged from frames and true motion alone, by books of its own: nothing here
 // knows the executive's setpoints, and frames are read by the drives' protocol papers (mit, odrive), not by our codecs.
 // Each oracle:

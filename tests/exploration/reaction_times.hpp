@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How long each cause of the reaction table takes from the instant at which something deviates to the last frame of the
 // tick that reacts, in virtual time: the executive's own loop, drivers and guard in front of simulated drives.
 // Deterministic: the same robot file gives the same figures.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What goes wrong in one exploration, and when: drawn from a seed, so that a seed says it all. A schedule is a list
 // that can be shortened: each event stands for itself.
 #pragma once

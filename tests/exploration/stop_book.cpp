@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/exploration/stop_book.hpp"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How a damped stop may go on, by the robot file's `stops` and docs/design.md ("How a stop stops"): books of its own,
 // kept from what each tick says of its causes. Which joints are stiff, and who moves them, is held against it
 // (oracles.hpp).

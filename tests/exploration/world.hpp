@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A whole robot in one thread and virtual time: the executive's own cyclic loop and drivers, in front of ports that
 // belong to a world in which drives of every protocol turn flywheels, frames take their time, a policy answers and an
 // operator insists on moving. Whatever waits, reads the clock, sends or receives lets time pass, and a stall may strike

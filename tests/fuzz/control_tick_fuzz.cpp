@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: no bytes in the command mailbox, whatever their length, and no feedback or request can make the tick misbehave.
 // Method: the input drives a simulated robot tick by tick; messages are taken from it raw, or laid over a sound header
 // so that the fuzzer gets past the first checks. Every output must stay inside the envelope; sanitizers judge the rest.

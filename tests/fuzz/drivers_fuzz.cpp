@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Fuzzes every drive protocol's host side, and the last guard on what leaves: the input is a sequence of frames and
 // setpoints of 32 bytes each; the first byte chooses which and whose. See tests/drivers/protocol/every_driver.hpp for
 // what must hold.

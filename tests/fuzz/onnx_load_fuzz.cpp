@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Any bytes as an ONNX model: refused with a sentence, or loaded and run; never a crash.
 // Small exported models in the corpus folder help: without any the fuzzer has to find out about protobuf first.
 #include <cstddef>

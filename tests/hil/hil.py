@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Runs Takt in an emulated robot PC: Debian's PREEMPT_RT kernel, systemd as PID 1, CAN interfaces.
 
   hil.py --package FOLDER [--jobs N] [--wall-limit S] [FILTER]   FOLDER with a takt_*.deb; FILTER: regular expression on the cases' names

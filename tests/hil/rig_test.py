@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: the rig reads cases strictly, tells verdicts apart, and leaves no machine behind. Method: its own functions, with a
 program that never ends in the place of qemu; the cases that exist must all have a complete header. Needs no guest.
 """

@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: ./dev waits for another apt and for nothing else. Method: apt_get as it stands in ./dev, before an apt-get that
 # finds a lock taken twice, and one that fails for another reason; nobody really sleeps.
 set -eu

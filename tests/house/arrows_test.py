@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: no arrow of the house points back. Method: reads every #include of the project's own headers and fails on one that the
 table does not allow; then plants an include that is not allowed and must find it. A room may use itself and what is below it.
 """

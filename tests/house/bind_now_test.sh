@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
 # Goal: no program of ours resolves a symbol while it runs: the first call into a library costs a look-up, and inside
 # the loop that is time nobody planned. Method: the dynamic section of every program asks the loader to bind at once.
 #   bind_now_test.sh PROGRAM...

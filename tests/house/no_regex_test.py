@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: no text of a stranger's meets std::regex, whose depth grows with the text until the stack ends. Method: no
 source of the product includes <regex>; tests may, for their texts are ours.
 Usage: no_regex_test.py SOURCE_FOLDER"""

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: CI notices that published models and policies are missing. Method: every test that names the folder `shared`
 beside the checkout must fail, not skip, where TAKT_REQUIRE_SHARED is set: C++ by TAKT_NEEDS_SHARED, others by asking
 for the variable themselves. And .ci/run sets it.

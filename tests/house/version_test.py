@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: two builds that differ have different versions, and dpkg knows the newer one. Method: cmake/version.cmake in
 repositories made for it: two commits, one with a change, a folder outside of git, one inside another repository.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the images that a policy's process names are in the run folder as their sensor published them, each once, over
 // restarts of the sensor; what is named and was never there is told, and nothing that the process says can do more than
 // that. Method: sensors served as the client library serves them, inputs as a policy's process would name them.

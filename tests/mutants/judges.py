@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Runs the test programs of the rewritten tree, with one mutant awake at a time, and says who noticed."""
 import dataclasses
 import hashlib

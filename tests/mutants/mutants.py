@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """Is every line that can break a promise watched by a test? Changes them one by one, and sees who notices (docs/mutants.md).
 
   mutants.py                        one mutant of each kind in each function, and every fault of faults.toml

@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: a mutant changes what it says and nothing else, asleep it changes nothing, and what judges say is understood.
 Method: a small source with one of everything is rewritten, compiled once, and run with each mutant awake; edits that nest or
 stand side by side are laid on a text; programs' ends are read. Exit code 77: python3-clang-19 is not installed.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a source can be mutated, found in clang's tree of it.
 
 Operators: relational (< is <=, == is !=, a counting loop leaves out its last round), negate (a condition, an operand of && or ||,

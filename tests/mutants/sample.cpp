@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What mutants_test.py mutates: one of everything that is found, and of what must be left alone.
 #include <array>
 #include <compare>

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A copy of the checkout in which every mutant is asleep: one build holds them all, and TAKT_MUTANT wakes one (switch.hpp)."""
 import hashlib
 import json

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which mutant is on: what the rewritten sources of build/mutants ask, and nothing else. The environment says it when
 // the program starts:
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // node artifact_check.mjs ARTIFACT_DIR
 // Reads rollouts.parquet with two independent readers, hyparquet and (where installed) DuckDB, and finds in every column
 // of every row what rollouts.jsonl says; and the types that the schema file says.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Chromium without a network, and what it complained about.
 import { chromium } from 'playwright-core';
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // node lerobot_check.mjs FOLDER
 // FOLDER/set is a LeRobot data set of the runs FOLDER/one and FOLDER/two. Reads it with two independent readers of
 // Parquet, hyparquet and (where installed) DuckDB, as the format says it is laid out, and finds in every frame what the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // node mcap_check.mjs RUN_DIR
 // Reads ticks.mcap with MCAP's reference library, through the index and as a stream, and decodes every message with an
 // independent ros2msg parser and CDR reader. Then cuts the file and reads what is left.

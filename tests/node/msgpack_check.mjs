@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // node msgpack_check.mjs <ASKED >ANSWERED
 // A third party's MessagePack between Takt's policy clients and a test (tests/client/msgpack_vectors_test.py). ASKED, JSON: {decode: [hex],
 // encode: [value]}; ANSWERED: {decoded: [value], encoded: [hex]}. Bytes are {"bin": hex} in both; a key of bytes reads "bin:TEXT".

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Any MJCF model in @mujoco/mujoco as a world of Takt's, with what simulation/mujoco_mechanics.hpp has in process: joints by name, the actuators
 // unused, an IMU's site, a keyframe, a free base on its hoist, pushes at its body. Usage: mujoco_model_world.mjs MODEL SOCKET [SITE [KEYFRAME]]
 import fs from 'node:fs';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The pendulum of tests/simulation/worlds in MuJoCo's physics, as a world of Takt's. Usage: mujoco_world.mjs SOCKET
 import load from '@mujoco/mujoco';
 import { serve } from '../../client/javascript/takt-world.mjs';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // node otlp_check.mjs FOLDER
 // Reads otlp_traces.jsonl, otlp_metrics.jsonl and otlp_logs.jsonl by OpenTelemetry's own protobuf definitions: every line must be a whole
 // export request in which nothing is unknown to them, and must survive the way through the wire format.

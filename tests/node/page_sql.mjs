@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // node page_sql.mjs PAGE.md FOLDER
 // Goal: the SQL on a page of the documentation works. Method: DuckDB runs every statement of its sql blocks in FOLDER, which
 // holds the files that the page speaks of; each must find at least one row.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // node perfetto_check.mjs FILE [ARROWS]
 // Reads Trace Event JSON by the format's own rules: instants never run backwards, begins and ends match and nest on their
 // track, every track has a name, every arrow starts once, ends once, and each of its steps lies inside a span. FILE of the

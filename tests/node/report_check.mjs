@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // node report_check.mjs RUN_DIR [SCREENSHOT.png]
 // Goal: the reviewer's page does in a real browser what docs/report.md promises. Method: opens report.html in Chromium
 // without a network; holds what it drew against truth.jsonl (the tool by rigid-body dynamics) and metrics.json; drives it

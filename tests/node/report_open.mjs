@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // node report_open.mjs REPORT.html
 // How long a browser takes, medians of five openings: from navigation until every chart is drawn, for a jump to a
 // violation, and back to the whole run. Prints one line of JSON. Each opening has a browser of its own.

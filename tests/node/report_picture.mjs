@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // node report_picture.mjs RUN_DIR [OUT.png]: the first screen of a run's report.html, while the policy of the recorded demo
 // stalls. Default: report.png in RUN_DIR.
 import { resolve } from 'node:path';

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
 # run.sh CHECK.mjs MAKE_RECORDED_DEMO [TAKT]: records a run and lets a check written in JavaScript look at it. With TAKT
 # the run also gets its report.html, compared with a second one.
 # Without the npm packages (or, for the report, without Chromium) it skips, exit code 77, unless TAKT_REQUIRE_NODE=1.

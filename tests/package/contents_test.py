@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: the packages say what is in them. Method: the list that the build writes is held against the programs' own and against the
 copyright file; and versions of commits are held against dpkg. Usage: contents_test.py SOURCE BIN_DIR. Exit code 77: no dpkg."""
 import json

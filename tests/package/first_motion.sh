@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # How long a newcomer waits until the robot moves for the first time, by both of the README's roads:
 #   clone    a fresh clone, an empty compiler cache, `./dev demo`
 #   package  a bare Debian 12 (mmdebstrap), where apt fetches what the package depends on, and `takt run`

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: the package installs on a bare Debian 12 with its declared dependencies only, starts nothing, runs the demo
 # robot, and leaves nothing but runs when purged; and with takt-dev's declared dependencies the example of an engine is built
 # there and drives the demo robot. Method: mmdebstrap makes the bare system; in it, apt installs the

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: manual pages and completion say what the programs' --help says, all of it, and are well-formed. Method: they are
 made anew from this build; every command is found by asking the programs (not by the generator), every word of every
 help text is looked for in its rendered page, `man` is asked for warnings, and real shells complete lines: bash and fish;

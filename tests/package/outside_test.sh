@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: what takt-dev brings builds a program outside of this tree, by pkg-config and by CMake, wherever it is installed, and the
 # library's name has the header's ABI. Method: the package's files in a folder of their own, and the example of a policy in C.
 # Usage: outside_test.sh BUILD SOURCE

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: the maintainer scripts do what they say, twice over, and never start or enable anything. Method: they run on a
 # folder in place of /, with systemctl and its kin replaced by recorders. Usage: scripts_test.sh SCRIPTS_DIR CHECK_ROBOT
 set -euo pipefail

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: of every network it is said which values of its inputs come from which term, with unit. Method: the small
 // robot's terms, in one input and in several, by term and by time.
 #include "policy_host/bound_terms.hpp"

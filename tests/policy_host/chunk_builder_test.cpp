@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: outputs become the right joint's target, and `last_action` is the output that is due. Method: distinct numbers
 // per step and output, checked by their place in the chunk.
 #include "policy_host/chunk_builder.hpp"

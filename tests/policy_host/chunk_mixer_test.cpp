@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: an answer goes out with the earlier ones mixed in by the rule that policy.action.join names, what cannot be
 // mixed goes out as it is, and nothing of an answer that is not finite or not played stays. Method: chunks on one grid
 // against the published formulas; random chunks at random instants against the path that was published before.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Small networks of the demo arm's shapes, obs [1,24] to actions [1,96], that engines take differently.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: an exporter's metadata is read as written, and a robot file begins with it. Method: metadata as exporters write
 // it, then one deviation at a time.
 #include "policy_host/exporter_metadata.hpp"

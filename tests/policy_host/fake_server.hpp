@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The other ends of the policy host's links, over real sockets and mailboxes: a sensor, and an executive that publishes
 // observations when told and reads commands.
 #pragma once

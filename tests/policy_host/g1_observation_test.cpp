@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a published humanoid's policy sees its input exactly as its exporter laid it out, and answers as the exporter's
 // engine does. Method: the deploy.yaml and reference vectors in ../shared; each reference input is taken apart into
 // five instants of a robot (drives, IMU, command), which the builder puts together again. Skipped, loudly, without

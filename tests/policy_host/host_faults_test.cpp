@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a policy host does wrong what its command line says, in its window and nowhere else, drawn from the seed, and
 // refuses what it does not understand. Method: tables for the grammar; observations and commands in virtual time.
 #include "policy_host/host_faults.hpp"

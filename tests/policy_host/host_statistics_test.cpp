@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the summary line's figures are those of the window just ended. Method: 100 inferences of 1..100 ms in 10 s.
 #include "policy_host/host_statistics.hpp"
 

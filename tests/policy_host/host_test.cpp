@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the host finds the executive and the sensor in any order of starting, answers observations, is silent without
 // its sensor, and attaches again after the executive went away. Method: the real host in a thread, over real sockets
 // and mailboxes; the test publishes observations until what it waits for happens, and fails only after a long limit.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what a network was shown and said leaves the host as it was, with the samples it was made from, and says when
 // the network had forgotten its past. Method: the responder with a scripted policy; the packed bytes are taken apart
 // here by the layout that the contract states.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ONNX Runtime's library, where the machine has tests/node's npm packages.
 #pragma once
 

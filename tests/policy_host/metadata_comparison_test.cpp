@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a robot file that contradicts what an exporter says is refused, and what a robot may have of its own is said.
 // Method: the small robot and metadata that agrees with it, then one deviation at a time.
 #include "policy_host/metadata_comparison.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what a network says of its motion is what it is shown next, beginning after a reset with an inference of zeros
 // at time step 0. Method: a network that shows its inputs in its outputs.
 #include "policy_host/network_policy.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the network sees exactly the numbers, in exactly the order, that the robot file describes. Method: a
 // three-joint robot whose input vector is worked out by hand, one property per test.
 #include "policy_host/observation_builder.hpp"

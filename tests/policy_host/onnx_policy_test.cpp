@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the right tensors carry observation and actions, hidden state goes round from step to step and starts over on
 // reset, anything else is refused by name. Method: accumulators of two numbers, made here as ONNX files.
 #include "policy_host/onnx_policy.hpp"

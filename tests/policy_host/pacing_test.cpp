@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the host is there when an observation must be, never spins, never sleeps for long. Method: instants around one
 // observation published at 100 ms with a period of 20 ms.
 #include "policy_host/pacing.hpp"

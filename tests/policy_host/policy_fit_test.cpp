@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a policy that does not belong to the robot is refused with both sizes and the sum that shows why. Method: one
 // fitting robot, then one deviation at a time.
 #include "policy_host/policy_fit.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: each committed network, its training report and its robot file belong together. Method: hash the network, write
 // down again every number of the robot file that training read, and run the report's own examples through our engine.
 // When this fails after a change to a robot file: train again, the report holds the command.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: every operator in its edge cases, and every published policy, gives what ONNX Runtime gives, over 16
 // observations in sequence. Method: models of one operator made by operator_models.py, and the policies of
 // ../shared/policies, run by both engines where ONNX Runtime is installed (tests/node's npm packages); by the built-in

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: takt-policy-host refuses what it must before it attaches, in one line and with the documented exit code, and
 // ends cleanly on SIGTERM while it waits. Method: the real program on copies of the demo robot's file with one edit
 // each.

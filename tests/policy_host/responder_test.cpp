@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a chunk says truthfully what it answers and when, and the policy's memory is dropped exactly when it must be.
 // Method: a scripted policy and a clock that advances one millisecond per reading.
 #include "policy_host/responder.hpp"

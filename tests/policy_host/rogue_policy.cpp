@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt-rogue-policy: attaches like a policy host, holds the robot still for a while, then misbehaves in one named way
 // until it is killed or the executive ends the session. For tests only, never installed.
 // Exit codes: 0 session ended, 64 usage, 65 configuration refused, 69 the executive refused it or is not there.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the liar that other tests rely on tells exactly the lie it was asked for, after an honest start. Method: the
 // real program against an executive of ours that publishes observations and looks into the command mailbox.
 #include <gtest/gtest.h>

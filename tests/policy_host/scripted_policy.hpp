@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A policy whose arithmetic is known: output i is the call number plus i / 100, or NaN when told. Remembers its inputs.
 #pragma once
 

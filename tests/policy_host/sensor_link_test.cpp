@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a sensor's samples arrive when its process is there, and their absence, age and size are noticed. Method: a
 // real rendezvous server with a real mailbox, started, stopped and started again; time is passed in.
 #include "policy_host/sensor_link.hpp"

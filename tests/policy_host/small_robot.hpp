@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A robot of three joints with a two-value sensor, small enough to compute its policy's input by hand.
 #pragma once
 

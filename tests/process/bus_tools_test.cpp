@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the tools for the person at the robot work on a bus with drives of all five protocols, and keep away from one
 // that an executive drives. Method: takt-plant alone as the hardware, the real `takt` command against it.
 #include <gtest/gtest.h>

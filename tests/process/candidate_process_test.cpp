@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: another policy runs beside the one in charge of a live robot, takes its place and gives it back by the commands
 // that people use; a host killed in its place leaves the other one in charge and the robot tracking; the record says
 // who moved it, and replays. Method: the demo arm and a copy of its network under another hash, real processes on the

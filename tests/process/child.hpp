@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A program of this build in a process of its own, for tests.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: with two hosts the loss of either is no stop: the fallback takes over from a policy that was killed or frozen,
 // hands back to one that returns, and the robot stops when both are gone; the record says who moved it, and replays.
 // Method: the demo arm with its own network as the fallback policy, real processes on the loopback bus, hosts ended and

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/process/fast_messages.hpp"
 
 #include <fastcdr/Cdr.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The messages as ROS 2's rules lay them out, decoded by Fast CDR: written from the .msg files, not from our encoder.
 #pragma once
 

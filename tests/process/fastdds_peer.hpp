@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Another vendor's DDS, as a judge of what the monitor sends: Fast DDS with no types of ours. Payloads stay bytes until
 // fast_messages.hpp decodes them with Fast CDR. Loopback only, discovery by unicast.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/process/faulty_network.hpp"
 
 #include <arpa/inet.h>

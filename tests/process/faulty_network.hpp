@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Two network namespaces and a wire between them that can be bad: delay, jitter (which reorders), loss, frames that
 // come twice, none at all. What `tc netem` does, in this process: kernels without sch_netem are common in test
 // machines.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a robot that follows a gamepad stays inside its envelope, and on its wheels, whatever the pad does: held hard
 // over, frozen, late, lying, cut. Method: the balancer in real processes, `takt gamepad` on a simulated pad; the run
 // folder is judged afterwards.

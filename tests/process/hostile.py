@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is common to servers that behave well until a test says otherwise."""
 import collections
 import time

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """openpi's server, well and in many bad ways."""
 import asyncio
 import contextlib

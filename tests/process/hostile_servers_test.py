@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: whatever a policy server does, a whole robot under it follows no stale command and no answer to another question, is degraded and stopped within
 what its robot file says, goes on where no harm is done, and can be set going again when the server is good. Method: the demo arm in real
 processes by `takt run`, its policy a client of `takt.servers`, the server behind a wire of the test's own; in one run it is good, hostile

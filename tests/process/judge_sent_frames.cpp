@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // judge_sent_frames RUN: what sent_frames.hpp says of a run folder, for tests that are not in C++.
 // Exit codes: 0 every frame was inside the robot's envelope, 1 one was not, or none asked a drive for anything.
 #include <cstdio>

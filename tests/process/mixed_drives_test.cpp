@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a robot of twelve joints on four buses with drives of all five protocols runs the demo policy, and whichever of
 // its drives fails, the cause is named with its joint and in its protocol's words, by the run and by its report.
 // Method: real processes on the loopback buses; per case one drive's fault strikes 800 ms after it was first enabled.

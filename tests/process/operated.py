@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A robot under `takt run`, and a person at it by `takt`."""
 import json
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """patient(text): the demo arm's robot file for a machine that stalls now and then; a joint and a host may be silent for 200 ms and
 500 ms before the executive and the simulated drives act on it. patient_copy.hpp says the same in C++."""
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/process/patient_copy.hpp"
 
 #include <filesystem>

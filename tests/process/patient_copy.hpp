@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A robot for a machine that stalls now and then: what fails in a test is then what the test made fail.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: whatever the policy's process does, the executive keeps its period, names the cause, and no frame leaves the
 // envelope. Method: real processes on the loopback bus; the policy is killed, frozen, or replaced by one that lies in a
 // named way; afterwards the run folder is judged: causes, frames (independent decoder), losses, and replay.

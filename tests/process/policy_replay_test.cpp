@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a run of the real programs holds what its network was shown and said, over restarts of the host too; the
 // network says it again bit for bit, another one does not, and a byte that was changed afterwards is found. Method: the
 // demo arm in real processes; `takt policy replay` judges the run folder, and copies of it that were spoilt.

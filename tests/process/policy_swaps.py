@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: policies are swapped on a live robot under load, and hosts killed at random instants of it, without a missed period that the swap caused,
 a setpoint beyond the limits or a tick that says the wrong policy; and every tick replays. Method: the demo arm by `takt run`, its own network
 under another hash as the candidate, a busy process on every core; `takt policy swap` and `back` as people call them. The run's record is

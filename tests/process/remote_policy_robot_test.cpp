@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a whole robot under a policy on another machine is as safe as under one beside it: through a bad network it
 // tracks, and when the network is cut it degrades, stops, and stays stopped when the network comes back; no frame
 // leaves the envelope, and the run replays. Method: the demo arm in real processes; its policy behind

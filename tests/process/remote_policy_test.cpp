@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a policy on another machine moves the robot as one beside it does; and whatever happens to the network, the
 // server, the clock or the other machine's programs, no command answers an observation that is older than max_age, none
 // goes back, none claims to be younger than the samples it rests on, and what can work again does.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a policy on another machine answers what it would answer beside the executive, bit for bit: observations,
 // samples and a network's memory cross, and nothing of them is lost or rounded. Method: takt-policy-host as a real
 // process, once at the executive's own socket, once behind takt-policy-bridge and takt-policy-server in another network

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A whole robot in real processes, for tests: starts programs of this build in a runtime directory of their own, asks
 // the executive for its status, and leaves nothing running. Waits are bounded polls for a state, never sleeps to be
 // right.

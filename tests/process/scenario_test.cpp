@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: whatever a scenario lets go wrong with a drive or a bus, the executive names the cause, latches, and leaves
 // evidence that replays bit for bit.
 // Method: real processes on the loopback bus, tracking with the demo policy; the fault strikes shortly after the drives

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads the commands a run sent to its drives back from can.log, with a decoder of its own written from the protocol
 // description, and says whether any of them left the robot's envelope, or was an order to a drive's settings: those may
 // be asked for, never changed.

@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """A policy whose answers come from the server at TAKT_TEST_SERVER: it asks with the observation's number, and publishes what comes for that very
 observation. This machine's clock of the day jumps by days all the while. The robot file's steps, and a deadline of two thirds of max_age.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The demo arm under a policy that asks a server, and what its record must say, whatever the server does."""
 import collections
 import os

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a stop wins over everything that hangs: the log's reader, the monitor (and with it the disk), the policy; and
 // over a latched fault and a drive that is silent. Method: real processes on the loopback bus; the hang is made with
 // full pipes and SIGSTOP; the time from the request to its frames is counted in ticks, by the executive's own records,

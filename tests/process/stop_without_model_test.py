@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: a robot file without `model` does not let its arm fall when a person stops it. Method: a seven-joint arm of MuJoCo's under `takt run`, held
 by a Python policy and stopped; what each joint did afterwards is read in the plant's truth log. A joint that holds by stiffness sags by its load
 over its stiffness, and no further.

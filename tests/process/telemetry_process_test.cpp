@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: Prometheus and OpenTelemetry are told what the robot did. Method: a robot of real processes with `prometheus`
 // and `otlp` sections on free ports of loopback; Debian's Prometheus server scrapes it with the rules that are shipped;
 // a receiver in this test takes OTLP/HTTP; every command's spans are compared with the run folder's record of its first

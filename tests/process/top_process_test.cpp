@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: `takt top` in a real terminal shows a real robot, its keys really arm, stop and mark, it lives through an
 // executive that comes and goes, and gives the terminal back however it ends. Method: the robot's real processes and a
 // tmux window whose screen is read; `lttng` is a stand-in, so that no trace of another test is disturbed.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the output that permits torque does so while the robot is armed, drops when a person wants no power, when the
 // executive ends, and when it is killed outright; one that fails is a named stop, and one that cannot be had keeps the
 // executive from starting. Method: real processes; the output is the lock on a file, which this test asks the kernel

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a trace tells the same story as the run folder. Method: a robot of real processes that is tracking already is
 // traced for two seconds by `takt trace` and read back by babeltrace2; then every tick must be there, with the age and
 // the command that the monitor recorded, and every command whose answering was traced must pair up across processes.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a policy that sees turns the robot after what is in the image, the image's age is in the age of every command,
 // what the network was shown is in the run, images as files of what the camera sent, and without its camera it is
 // silent. An image that is lost is missed by `takt policy replay`. Method: the demo arm in real processes under

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the same images are the same answers in real processes and in virtual time, bit for bit, and a world's images
 // reach a real policy host by takt-plant, each as old as the world says. Method: a world that stands still shows the
 // demo arm under docs/examples/python-sensor/look.onnx a spot at eight places, so that an answer follows from the image

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Lets a robot walk, from its published files or by its robot file: executive, plant, policy host and monitor as real processes by `takt run`.
 
 First it walks as commanded, with the policy frozen for 300 ms on the way; then, in runs of their own, the policy is frozen for 2 s and

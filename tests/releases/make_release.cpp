@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // make_release DIR: what this release writes, for later ones to read: DIR/run, a short run of the virtual robot that
 // loses its policy and stops, and DIR/artifact, an artifact of sample rows. See RELEASING.md.
 #include <cstdio>

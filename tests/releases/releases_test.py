@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: what each release wrote is read by this build with exact ticks and stops, or refused in one sentence that names the version
 which can; never as an empty run. Method: the folders tests/releases/VERSION, and this build's programs; a copy is read, for reports
 are written beside what they tell of. Usage: releases_test.py SOURCE BIN_DIR"""

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a sample never becomes young because the process that takes it did not run: true age minus claimed age is at
 // most one publishing period, whatever the sender's clock says. Method: a process in time that the test makes: it waits
 // and takes as the programs do, is stopped for 0.1 to 5 s at random, and finds what came meanwhile at once or a while

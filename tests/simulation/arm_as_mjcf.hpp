@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A serial arm's `model` as MJCF, for engines that read that.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the simulated arm obeys physics.
 // Method: a pendulum against its closed form, the demo arm's gravity against the gradient of its potential energy,
 // energy that friction may only take away, stops that hold.

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: takt/world.h is C11 without a warning and what is installed is all that a C world needs; a world that is killed ends the plant
 # with its name; what the world cannot do is refused before anything starts. Method: the installation is staged, the example is built
 # against it alone by gcc and plays the demo arm for takt-plant in real time, until it is killed. Usage: c_world_test.sh SOURCE_DIR BUILD_DIR

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the simulated camera delivers what it saw at the shutter, late by its delay and jitter, repeatably.
 #include "simulation/camera.hpp"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the cart and its pole move as physics says. Method: energy without friction and torque; small motions against
 // the linearised equations, written down here by hand for a point in joint coordinates; a push on the cart against the
 // momentum of the whole; the stops; and what a robot file must say to get one.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the simulated drive keeps the device side of CANopen and CiA 402: bytes, states, refusals, watchdog.
 // Method: frames written out by hand from the standards' tables; the host's codec is not used here.
 #include "simulation/cia402_device.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: host and drive, each written from the standard alone, understand each other: set-up, enable, follow, faults,
 // reboots, lost frames, a host that dies.
 // Method: driver and simulated drive in virtual time, 1 ms ticks, every frame handed over by hand; a free mass of known

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: which drives a CiA 402 host can expect, and what becomes of each in each mode: enabled and following, stopped
 // when the host dies, or refused with a sentence that names the object. docs/drives.md shows this very table.
 // Method: one simulated profile per difference that drives have; host and drive in virtual time.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a drive's card says what the drive said of itself, beside what the robot file says, and leaves unknown what was
 // not told: never a 0 or a default.
 // Method: each protocol's simulated drive and host driver in virtual time; the card is given what the drive says, frame

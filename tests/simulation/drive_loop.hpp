@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One joint in virtual time: host driver and simulated drive of one protocol, both made by their tables, with a rotor
 // between them. Frames are handed over by function call; what the drive says reaches the host in the same millisecond.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: host driver and simulated drive, written apart from each other, agree: the loop closes in joint units, a fault
 // reaches the host and is cleared by disabling, and a drive without its host stops by itself.
 // Method: one joint behind each protocol in virtual time (drive_loop.hpp), geared, reversed and offset. One row a

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A setpoint as the tick would finish it for the drive that gets it: the pipeline's own law on the newest reading,
 // without limits. For loops of drivers and devices that have no tick.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A world for tests: a forked child that plays through takt/world.h, or as a raw socket says anything at all.
 #pragma once
 

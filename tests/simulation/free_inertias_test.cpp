@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a drive on a flywheel moves as Newton says. Method: closed solutions of J ddq + b dq + c sign(dq) = tau.
 #include "simulation/free_inertias.hpp"
 

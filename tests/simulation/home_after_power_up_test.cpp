@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a drive that forgets with its supply where its joint is, is enabled only once it was told, or somebody made
 // sure of it, and never after it may have forgotten again. Method: simulated drives of either kind and their host
 // drivers in virtual time. Where the joint truly is says the rotor; what the drive counts from was written down here

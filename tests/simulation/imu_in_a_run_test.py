@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: the IMU of MuJoCo's physics reaches the executive: with it the robot arms and tracks, every tick's sample is usable and says
 which way is up; without one the robot does not arm, and says why; one that a scenario cuts stops it, and a scenario that strikes a sensor
 which the simulation does not play is refused. Method: the demo arm as MJCF, its base body with a site, in real processes by `takt run`:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The demo arm under the policy that looks (docs/examples/python-sensor/look.onnx), and a world that stands still and
 // shows it a spot: what the network is shown follows from the image alone.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a drive that obeys and is no longer heard is not driven by its last reading; the rest of the robot keeps its
 // weight and comes to rest.
 // Method: tick, drivers, simulated drives and mechanics in virtual time; the drive's line falls silent, nothing else.

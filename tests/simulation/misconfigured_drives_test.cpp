@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a drive that is set up otherwise than the robot file says is not armed, and the sentence names what is wrong;
 // the same drive, set up right, is.
 // Method: for each protocol a simulated drive and its host driver in virtual time, and one planted difference per row:

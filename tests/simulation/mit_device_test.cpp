@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the simulated drive keeps the device side of the protocol: bytes, states, watchdog, answers that lag one frame.
 // Method: frames written out by hand from the protocol's facts; the host's codec is not used here.
 #include "simulation/mit_device.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a Damiao drive that speaks CAN FD is set up, enabled, led and stopped as a classic one is, in FD frames alone,
 // by our driver and the drive's own side; one that runs at another rate is named and not armed. Method: both in a loop.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what a published model says of joints is read as it means it. Method: a small MJCF and URDF written by the
 // test, each fact by each of its spellings; what cannot be read is one sentence.
 #include "simulation/model_survey.hpp"

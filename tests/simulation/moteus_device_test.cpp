@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the simulated moteus keeps the device side of the register protocol: bytes, modes, law, watchdog, faults.
 // Method: frames written out by hand from docs/protocol/can.md and registers.md; the host's codec is not used here.
 #include "simulation/moteus_device.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: MuJoCo's physics stands behind the simulated drives as any other mechanics do: the same arm moves as in ours, a
 // free base falls, hangs, is pushed and measured, the same inputs give the same bits; what a model lacks is said in one
 // sentence. Method: models written by the test; the demo arm as MJCF against ArmDynamics; a published humanoid walking

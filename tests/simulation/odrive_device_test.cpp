@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the simulated ODrive keeps the device side of CANSimple: bytes, states, watchdog, broadcasts.
 // Method: frames written out by hand from the protocol's facts; the host's codec is not used here.
 #include "simulation/odrive_device.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: simulated time keeps up with wall time, short stalls are caught up with, long ones are skipped and counted, and
 // the wake-ups settle behind the commands. Method: wall time is a number here.
 #include "simulation/pacer.hpp"

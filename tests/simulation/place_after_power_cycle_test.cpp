@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: after a drive was without supply while its host ran, no joint is armed whose reading is off from where it truly
 // stands by more than 0.05 rad, and a drive that knows its place is armed without a question.
 // Method: tick, drivers and simulated drives in virtual time, one joint on a flywheel per protocol; 200 poses at

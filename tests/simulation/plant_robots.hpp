@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Robots for the plant's tests: the demo arm, and a single pendulum small enough to be solved by hand.
 #pragma once
 

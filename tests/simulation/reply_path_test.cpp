@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: each fault of a drive's connection does what it is called, and nothing else; nothing is ever reordered.
 // Method: numbered frames in virtual time; what arrives is listed with the millisecond of its arrival.
 #include "simulation/reply_path.hpp"

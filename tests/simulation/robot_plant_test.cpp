@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: host driver and simulated arm work together: the loop closes, in joint units, and the drive's own watchdog is
 // there when the host is not.
 // Method: MitDriver and RobotPlant in virtual time, frames handed over by function call; replies reach the host one

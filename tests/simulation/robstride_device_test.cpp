@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the simulated drive keeps the device side of the RobStride protocol: bytes, states, parameters, watchdog.
 // Method: frames written out by hand from the protocol's facts; the host's codec is not used here.
 #include "simulation/robstride_device.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: host driver and simulated drive, each written from the protocol alone, work together: set-up, enabling,
 // following a position, a fault and its clearing, the drive's own watchdog when the host falls silent. Method: a
 // turning mass behind the drive, both sides stepped in virtual time, one tick of delay for what the drive says.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: every fault of a scenario does to a drive, and to the host in front of it, what its name promises, from its
 // begin to its end.
 // Method: two drives on flywheels and their host drivers in virtual time, one millisecond per tick, frames handed over

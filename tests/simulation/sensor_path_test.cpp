@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: samples pass as they are, or are lost, frozen, held back or turned round as a fault says. Method: a sample
 // every 10 ms of virtual time; what is delivered, and when, is compared.
 #include "simulation/sensor_path.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a push, a payload and more friction do to an arm what mechanics says, for as long as they are set.
 // Method: the demo arm falling from its home pose for 50 ms, with the trouble and without; what a force does to the
 // joints is compared with the work it does at the tool.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A whole robot in virtual time, one thread: the tick, the real drivers, the simulated drives and mechanics. Frames are
 // handed over by function call and arrive within their millisecond; a policy without delay asks for one pose.
 #pragma once

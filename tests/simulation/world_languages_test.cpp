@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a world in any of the languages that have a client is the world that the plant has in process.
 // Method: the same pendulum in Python, over shared memory and over the socket, in JavaScript, and in MuJoCo under
 // Node.js, swung beside the simulator's own; then each is asked what it cannot do. Images: a pattern, byte for byte.

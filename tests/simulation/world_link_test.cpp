@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a world in another process is the same world, bit for bit; one that hangs, dies, answers nonsense or gives up
 // is a named end, at once and for good. Method: the demo arm's own dynamics behind the C header in a forked child,
 // against the same in process; then children that spoil one thing each, some through the header, some as a raw socket.

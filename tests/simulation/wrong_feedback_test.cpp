@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a drive that obeys and tells what is not true of its joint is found within 50 ms and 0.1 rad of true motion, on
 // every protocol, wherever its loop is closed; a jump moves nothing.
 // Method: tick, drivers, simulated drives and flywheels in virtual time; the oracle is the plant's true motion. One

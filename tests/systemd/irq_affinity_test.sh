@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: irq-affinity moves what can be moved off the robot's core, keeps what is requested later off it, and does nothing when
 # there is nothing to do. Method: the real script on planted /proc folders of 4, 32, 33 and 72 cores and of cores with gaps, with
 # robot files that name a core, none, and the only one; a default mask that cannot be written.

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: every unit is one that systemd understands, exposes no more than is promised, and names commands and options
 that exist. Method: systemd's own judges (`systemd-analyze verify` and `security --offline`, which need no running
 systemd) on copies whose programs are this build's, one with the drop-in of docs/own-engine.md; then every ExecStart's

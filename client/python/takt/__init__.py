@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Takt in Python: policies, sensors, and what runs leave behind. A policy reads a robot's observations, and answers them with chunks of joint targets:
 
     import takt

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Several policy servers in the place of one."""
 import logging
 import time

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """takt/client.h for ctypes: structures, codes and functions as that header declares them."""
 import ctypes
 import pathlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The messages of a run's ticks.mcap: chunks of MCAP, bodies in CDR, laid out as the file's own ros2msg schemas say."""
 import pathlib
 import re

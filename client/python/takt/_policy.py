@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A policy: what it reads and gives, the connection to a running robot, and its observations."""
 import argparse
 import ctypes

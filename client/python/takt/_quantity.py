@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Quantities as robot files write them."""
 from takt import _library
 from takt._refused import Refused

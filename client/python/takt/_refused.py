@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is said when something is refused."""
 import sys
 from types import TracebackType

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a run or a panel left behind, as tables."""
 import functools
 import hashlib

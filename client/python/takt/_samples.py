@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The samples of outside sensors that a run holds: those that policies were shown, and the IMU's, which the executive reads itself."""
 import json
 import pathlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A sensor of a robot: its samples, written into shared memory in place."""
 import argparse
 import ctypes

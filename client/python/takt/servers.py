@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Policies that infer on another machine: clients of openpi's and of GR00T's policy servers.
 
     from takt import servers

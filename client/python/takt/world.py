@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A world for Takt in Python: a process that plays a robot's mechanics (docs/world-protocol.md). Needs numpy and Linux.
 
     import numpy as np

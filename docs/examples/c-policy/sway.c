@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* A policy in C: every joint at home, the last one sways by 0.2 rad.
  *   cc -std=c11 sway.c $(pkg-config --cflags --libs takt) -lm -o sway
  *   takt run robot.yaml --policy-host ./sway --arm

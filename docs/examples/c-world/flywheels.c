@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* A world in C: every drive turns a flywheel. docs/world-protocol.md.
  *   gcc -std=c11 flywheels.c -o flywheels && ./flywheels /tmp/world.sock
  */

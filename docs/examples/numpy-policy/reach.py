@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """The demo arm's tool follows the camera's target: inverse kinematics in numpy, in the place of a network."""
 import numpy as np
 import takt

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* An engine of your own, which answers zeros: with `offset: home` in the robot file that is the home pose. Put your own
  * inference in the place of infer().
  *

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """A camera that is none: a bright spot that wanders through a dark image. With OpenCV: `_, image[:] = capture.read()`, of a frame of this shape."""
 import math
 import time

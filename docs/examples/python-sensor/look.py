@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """A policy that turns the arm's base after the bright spot of camera.py."""
 import numpy as np
 

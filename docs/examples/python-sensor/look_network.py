@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """The network of look.onnx in Python, layer by layer in numpy: the arm turns after the spot of camera.py. python3-onnx reads its weights."""
 import numpy as np
 import onnx.numpy_helper

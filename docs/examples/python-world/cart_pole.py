@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A world in Python that judges: config/cart_pole.yaml's cart and pole, and where the cart is wanted. docs/world-protocol.md.
 Usage: cart_pole.py SOCKET"""
 import math

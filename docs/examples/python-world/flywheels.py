@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A world in Python: every drive turns a flywheel. docs/world-protocol.md. Usage: flywheels.py SOCKET"""
 import sys
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a CiA 402 drive's card has: the objects that its set-up reads.
 #include <array>
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CANopen (CiA 301) and its drive profile (CiA 402), host side: frames to bytes and back. Pure.
 //
 // 11-bit ids, n = node number 1..127, little-endian payloads: NMT 000, SYNC 080, EMCY 080+n, TPDO1 180+n, RPDO1 200+n,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One CANopen CiA 402 drive, host side: set-up, cyclic process data, joint units in and out.
 //
 // phase      while                         frames per tick (SYNC besides, see below)        drive_state

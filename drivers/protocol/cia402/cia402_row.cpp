@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CiA 402's row of the protocol table: configuration to driver, traffic, names of error codes.
 #include <algorithm>
 #include <array>

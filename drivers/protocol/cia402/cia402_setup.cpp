@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/protocol/cia402/cia402_setup.hpp"
 
 #include <algorithm>

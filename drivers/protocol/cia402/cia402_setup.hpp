@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a drive is told over SDO before it may move, and the stepper that tells it: one object per tick, one question in
 // flight. Everything is written again after each boot of the drive; nothing is stored in it.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a setpoint becomes for a drive that closes its own loops: one number per tick. Pure.
 //
 // mode  target                                            who decides the torque

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A Damiao drive's own settings, asked for before it may be enabled: a packed range that differs from the robot file's
 // scales every command, and another control mode does not obey MIT commands at all. Pure.
 //

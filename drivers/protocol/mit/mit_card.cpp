@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What an MIT drive's card has: of a Damiao drive its registers, of a T-Motor drive nothing, which tells nothing.
 #include "drivers/protocol/drive_timeout.hpp"
 #include "drivers/protocol/mit/mit_driver.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The MIT mini-cheetah protocol, host side (T-Motor AK, Damiao DM): one 8-byte classic frame commands position,
 // velocity, stiffness, damping and torque; one reply reports position, velocity and torque. Pure.
 //

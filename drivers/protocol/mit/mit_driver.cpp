@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/protocol/mit/mit_driver.hpp"
 
 #include <algorithm>

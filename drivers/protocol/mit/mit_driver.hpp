@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One MIT drive, host side: joint units in, frames out, replies in.
 //
 // enable false: exit motor mode every tick, which also makes the drive report; a Damiao drive that reports an error is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a moteus' card has: its registers. Its watchdog is in every command, so there is nothing to read.
 #include "drivers/protocol/moteus/moteus_driver.hpp"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // moteus register protocol, host side: subframes that write and read registers, and replies, in one CAN FD frame. Pure.
 //
 // Id = (source | 0x80 when a reply is wanted) << 8 | destination; we are source 0. A subframe is type | count (1..3 in

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "drivers/protocol/moteus/moteus_driver.hpp"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One moteus controller in position mode, host side: joint units in, one CAN FD frame per tick out, its reply in.
 //
 // Every command carries the whole impedance setpoint: position, velocity, feed-forward torque, kp and kd as scales 0..1

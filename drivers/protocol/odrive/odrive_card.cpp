@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What an ODrive's card has: its versions (message 00). What its watchdog is, its parameters alone would tell.
 #include "drivers/protocol/odrive/odrive_driver.hpp"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ODrive CANSimple of firmware 0.6, host side: one classic frame per command or report, fixed layouts. Pure.
 //
 // Standard id = node (0..63) << 5 | command; payloads little-endian, floats IEEE 754. Units on the wire are the

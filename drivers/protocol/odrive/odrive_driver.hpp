@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One ODrive (firmware 0.6, CANSimple), host side: joint units in, torques out, broadcasts in.
 //
 // The drive takes finished torques: a setpoint's tau, and nothing else of it. One frame leaves per tick (two in the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a RobStride drive's card has: its unique id (type 0) and parameters (type 17).
 #include "drivers/protocol/drive_timeout.hpp"
 #include "drivers/protocol/robstride/robstride_driver.hpp"

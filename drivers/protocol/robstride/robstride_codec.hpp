@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The private protocol of RobStride and CyberGear drives, host side: one classic frame with a 29-bit id commands
 // position, velocity, stiffness, damping and torque; one frame reports position, velocity, torque and temperature.
 // Pure.

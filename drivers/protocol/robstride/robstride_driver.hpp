@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One RobStride or CyberGear drive, host side: joint units in, frames out, feedback in.
 //
 // enable false: stop every tick, which the drive answers with its position; while it shows a fault every other stop

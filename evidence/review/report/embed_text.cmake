@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # cmake -DOUT=file.cpp "-DFILES=name=path;name=path" -P embed_text.cmake
 # Writes the files into a C++ source as string views of takt::monitor::assets. Files of one name are put one behind the
 # other, in order.

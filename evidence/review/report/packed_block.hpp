@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A SampleBlock as text for a page, read by page/columns.js.
 //
 // Values become 16-bit integers, value = offset + scale * integer; -32768 stands for NaN. A column is then written as

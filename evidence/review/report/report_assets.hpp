@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Text files built into the program (embed_text.cmake): the report's page, its scripts one behind the other, and the
 // charting library of the build machine's libjs-dygraphs package.
 #pragma once

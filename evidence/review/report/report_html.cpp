@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // report.html: page, script and charting library from the build (report_assets), data from the run. The file carries a
 // content security policy that forbids every request, so that opening it tells nobody and needs nobody.
 #include "evidence/review/report/report_html.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The freshness report of a run for a terminal.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a page needs to draw the robot as a stick figure from its joint angles (page/robot.js).
 //
 //   {"kind":"links","links":[{"parent":-1,"xyz":[m],"rpy":[rad],"axis":[..]}],"tool":{"link":5,"xyz":[m]},"reach":m}

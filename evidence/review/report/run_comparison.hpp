@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A run beside an earlier one: the numbers a reviewer compares, and their differences.
 //
 // The other run's numbers are those of its metrics.json when that belongs to it, else computed from its ticks. Nothing

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the HTML report draws of a run, in two levels of detail: `whole` covers the run in buckets of equal size, as
 // fine as the page's weight allows; `moments` holds every tick around the beginning of each fault verdict, for runs too
 // long to hold every tick. Both together are at most kWholeBytes + kMomentBytes, however long the run was. Streamed:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Samples of a run over buckets of consecutive ticks, thinned out so that no spike is lost: a column keeps a bucket's
 // smallest value and how far the largest lies above it, or the one value that counts.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the task's target was, from the simulator's truth file (simulation/truth_log.hpp): read line by line, as
 // time goes on. Lines that are none are passed over. Units: m, base frame. Errors are one sentence. Thread rule: one
 // thread.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The way of a command through the processes: sense -> observation published -> inference -> command published -> read
 // by a tick -> on the bus. Joined by observation id and command sequence. Pure.
 #pragma once

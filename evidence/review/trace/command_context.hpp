@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What else happened while a command was under way. Pure.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Does what OpenTelemetry was told (otlp_traces.jsonl of a run folder, docs/opentelemetry.md) agree with the records?
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A trace as Trace Event JSON, which ui.perfetto.dev and chrome://tracing open: a track per process with its spans, an
 // arrow through each command's way over the processes, counters for age and wake-up latency, a mark at each change of
 // mode. Times in us of CLOCK_MONOTONIC. Format: "Trace Event Format", Google. Pure.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Does a trace tell the ages that the run's records hold? Every age is put together anew from the trace's instants
 // across processes and compared with the recorded one, besides the ages that the trace's own events state. Pure.
 //

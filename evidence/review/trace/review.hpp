@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `takt trace review` finds out about one executive's part of a trace: latency of every stage, the commands that
 // took longest and what happened meanwhile, and whether trace and records agree. Pure; review_text and to_json show it.
 #pragma once

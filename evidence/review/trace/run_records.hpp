@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The recorded ticks of a run, as much of each as the review of a trace compares.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a trace tells, put in order: who took part, what each tick of an executive did, what each policy host answered.
 // Fed event by event in order of time; a tick costs 80 bytes, so an hour at 1 kHz fits in memory. Pure.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One event of LTTng provider `takt`, as the review reads it: every field any of its events has, zero where an event
 // lacks it. What the events mean is said in docs/tracing.md; kTraceEvents is the list of events and fields that the
 // reader asks for and that a test compares with the provider.

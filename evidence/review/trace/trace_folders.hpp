@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Finds the CTF traces inside what a user calls a trace.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads an LTTng trace's Takt events, in order of time over all processes and cores. The one place that knows
 // libbabeltrace2; what it hands out are plain values.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: `takt ablate` prints both tables, the same whatever the number of workers, and ends with its documented exit
 // codes. Method: the real binary on the demo cart, two seeds.
 #include <gtest/gtest.h>

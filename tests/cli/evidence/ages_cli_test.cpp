@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: `takt ages` judges a list of ages as the worked example does, and refuses what is no age with its line. Method:
 // the real binary; ages on standard input, one a line and as CSV.
 #include <gtest/gtest.h>

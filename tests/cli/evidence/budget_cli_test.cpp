@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: `takt budget` ends with its documented exit codes, and its picture is well-formed. Method: the real binary; the
 // picture is read by Python's XML parser.
 #include <gtest/gtest.h>

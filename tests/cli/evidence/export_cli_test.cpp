@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: `takt export lerobot` writes the runs it is given, says what became an episode, and refuses in one line, with
 // the documented exit code and nothing written, what cannot be one data set. Method: the real program on recorded runs
 // of the virtual robot. What the data set holds is judged by tests/node/lerobot_check.mjs.

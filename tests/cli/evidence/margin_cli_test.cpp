@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: `takt margin` ends with its documented exit codes and its Bode plot is well-formed. Method: the real binary on
 // the shipped robots, without the task, whose rollouts have tests of their own.
 #include <gtest/gtest.h>

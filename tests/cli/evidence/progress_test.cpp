@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what takes long says how far it is and how long it will still take, on a terminal in one line that is
 // rewritten, elsewhere in few lines; what is short says nothing. Method: a clock and a terminal of the test's own.
 #include "cli/evidence/progress.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: `takt report` compares with the right run, refuses what it cannot read in one line, and then writes nothing.
 // Method: the real program on recorded runs of the virtual robot.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: `takt policy` says what a policy file is and whether it fits a robot, before anything moves, and ends with the
 // documented exit codes. Method: the real binary on the demo's policies and on files that are none.
 #include <filesystem>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a kernel's refusal is answered by what mends it, and by nothing else. Method: answers of `ip` as kernels and
 // drivers word them, each with the advice that fits.
 #include "cli/robot/bus_up_steps.hpp"

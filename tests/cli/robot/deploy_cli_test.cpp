@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: takt deploy puts a robot into use and proves it, brings the old one back when the new one breaks its contract
 // or does not come up, and refuses what it should; takt rollback goes back by hand. Method: the real command with a
 // store of its own and real processes, which a small script starts anew in systemd's place.

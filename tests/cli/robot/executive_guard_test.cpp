@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what must not be done beside an executive is refused whenever one may be there, and only then. Method: sockets
 // in a folder of their own: none, one whose server died, one whose server never answers. One that answers is in
 // bus_tools_test, an armed one in deploy_cli_test.

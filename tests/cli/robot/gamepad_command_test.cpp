@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what a policy host reads of a gamepad is the person's wish while its button is held, what the robot file
 // declares otherwise, and nothing outside its limits, whatever the pad does: cut, frozen, late, lying. Method: the
 // command in a thread; recorded events through a FIFO (simulated_pad.hpp); the reader is the policy host's, with its

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: takt doctor and takt bus up read the robot file, say what they found or would do, and end as documented.
 // Method: the real binary on whatever machine this is; only what holds on every machine is expected.
 #include <gtest/gtest.h>

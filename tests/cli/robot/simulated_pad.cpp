@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/cli/robot/simulated_pad.hpp"
 
 #include <fcntl.h>

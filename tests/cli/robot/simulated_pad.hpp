@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A gamepad for tests: its events go through a FIFO, for which the program that links this answers the kernel's
 // questions about an input device. Sticks x, y and rx, each 0..255; one button, the left shoulder.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a load lasts until its own end and no longer, and one that ended early is told. Method: real processes that
 // sleep for absurd, distinct times, looked for in /proc.
 #include "cli/run/contention.hpp"

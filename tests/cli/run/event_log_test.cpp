@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: every event is in the run folder as soon as there is one, in order, also those of before. Method: a folder that
 // is made between two events.
 #include "cli/run/event_log.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: each fault that the plant plays is read once, with the plant's own instant, however its log grows. Method: a
 // log written in pieces that end within lines.
 #include "cli/run/plant_log.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a program that is a policy, whatever it is written in, cannot get at the control loop: it is started off the
 // executive's processor, cannot go back there, and its libraries start as many threads as the robot file says. Method:
 // programs that say where they may run and ask for another place, started as `takt run` and `takt policy shadow` do.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the person of a real-time panel acts by the rule of the simulated one, and only where a panel asks for one.
 // Method: modes as the executive's status shows them, one after the other, and what is asked for in each.
 #include "cli/run/rearming.hpp"

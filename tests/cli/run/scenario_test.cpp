@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: --at lines mean what they say or are refused with the grammar. Method: tables.
 #include "cli/run/scenario.hpp"
 

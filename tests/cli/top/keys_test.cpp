@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: nothing moves a robot by one slip of a finger, and a stop needs one key only. Method: keys pressed by hand with
 // a clock of the test's own; what terminals send for arrows and other special keys.
 #include "cli/top/keys.hpp"

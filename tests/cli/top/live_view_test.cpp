@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what the view shows is what the rings said, and what the clock makes of it. Method: a virtual robot whose
 // policy stalls is read through its real rings; its stages, rates and frames are known exactly.
 #include "cli/top/live_view.hpp"

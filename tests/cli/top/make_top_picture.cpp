@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // make_top_picture FILE.svg: what `takt top` shows while the README's story runs: a policy that freezes for 300 ms at 8
 // s and is gone at 17 s. The virtual robot records it, so that the same sources give the same bytes. One frame a
 // second, played at twice the speed; a word that stays is drawn once. Reduced motion: the

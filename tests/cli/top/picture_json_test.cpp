@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a script finds every number of the screen under a stable name. Method: the sample picture, field by field.
 #include "cli/top/picture_json.hpp"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a rate is what came in the last ten whole bins, whatever the order within them. Method: steady, late, stopped
 // and resumed arrivals with known counts.
 #include "cli/top/rate_meter.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A picture with something in every field, made by hand.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: widths are counted in cells, not bytes, and clipping never cuts a character. Method: multi-byte glyphs.
 #include "cli/top/screen_line.hpp"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the drawings say what the slices say: which mode, whether the limit was passed, which part is how long. Method:
 // slices and parts with known outlines, compared as text.
 #include "cli/top/screen_plots.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the screen fits every terminal and says everything that matters at 80 x 24, twelve joints and four buses
 // included. Method: whole screens against files (written anew by TAKT_WRITE_SCREENS=1, then read by a person); a
 // property over arbitrary sizes and robots; what must stand out, by its style.

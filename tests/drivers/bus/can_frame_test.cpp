@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: every frame survives the way to the kernel's layout and into the run's record, and no other frame does.
 #include "drivers/bus/can_frame.hpp"
 

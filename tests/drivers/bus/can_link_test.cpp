@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what the kernel says of a CAN interface is read as ip-link(8) reads it, and contradictions with the robot file
 // are named. Method: answers of a Linux 6.1 kernel to RTM_GETLINK, recorded of an SJA1000 that `ip link set can0 type
 // can bitrate 500000 sample-point 0.875 sjw 2 restart-ms 100` had set up, and of a vcan (attributes of no interest left

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: our logs are can-utils' logs: every frame we write, we and python-can read back; nothing malformed is accepted.
 #include "drivers/bus/candump.hpp"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: each error class and each errno has the one reaction that the header names.
 // Expectations: bit values of linux/can/error.h, written out.
 #include "drivers/bus/error_frame.hpp"

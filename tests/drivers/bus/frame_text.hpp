@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Frames as protocol notes write them, and any float there is.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: one controller per interface, wherever its files lie, and none once its process is gone. Method: the loopback
 // network interface stands for a CAN interface (a claim knows no difference), claimed by this process and by a child.
 #include "drivers/bus/interface_claim.hpp"

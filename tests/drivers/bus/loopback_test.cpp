@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the loopback bus is a bus: every node hears every other, a slow or dead node harms nobody, a dead hub is
 // noticed. Method: real sockets; three nodes in three processes for the exchange, the rest in one thread that pumps by
 // hand.

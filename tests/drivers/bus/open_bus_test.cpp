@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a configured bus opens where it should, says where, and refuses with one sentence otherwise.
 #include "drivers/bus/open_bus.hpp"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: kernel stamps land on CLOCK_MONOTONIC, and no stamp makes a frame younger than it is.
 // Method: control messages are laid out by hand in the form recvmsg(2) describes.
 #include "drivers/bus/receive_stamp.hpp"

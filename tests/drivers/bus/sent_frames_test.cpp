@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what waits between write and wire is known, whatever a bus loses, doubles or hands back that was never sent.
 // Method: frames handed over and handed back by hand; random losses against a list kept the plain way.
 #include "drivers/bus/sent_frames.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the SocketCAN bus reads and writes frames, keeps health, and refuses to open what is not there.
 // Method: a socket pair stands in for the raw socket (one message is one frame there too); what only a kernel with
 // CAN could show, the options and filters, is not tested here.

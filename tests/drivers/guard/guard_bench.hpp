@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One joint before the guard: a robot of every protocol, and a record that says what the tick decided.
 #pragma once
 

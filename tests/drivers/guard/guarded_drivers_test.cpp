@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what our drivers say passes the guard whenever the tick kept its limits, and a driver with a fault does not get
 // a push onto the wire that the tick did not decide.
 // Method: each protocol's driver and simulated drive work together in virtual time on a joint that moves at random.

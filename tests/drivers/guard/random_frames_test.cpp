@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: whatever frame comes, in whatever moment, what leaves keeps the contract: no kind of torque, position or
 // setting is excused. Method: 200,000 random frames of every protocol before the guard, most of them near something
 // that may leave: a torque a slew step from the last, braking, a position a little further on. An oracle that shares

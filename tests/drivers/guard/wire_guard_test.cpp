@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the guard reads our frames as the drives do and refuses everything that breaks the contract, each for its own
 // reason, with something harmless in its place.
 // Method: frames are written by hand, byte for byte, from the protocols' papers (docs/drives.md); no encoder of ours is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a bus that cannot carry its load is refused with the arithmetic. Expectations worked out from ISO 11898-1.
 #include "drivers/protocol/bus_load.hpp"
 

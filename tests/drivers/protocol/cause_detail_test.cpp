@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a cause comes with the joint or bus it is about. Method: records made by hand, sentences compared whole.
 #include "drivers/protocol/cause_detail.hpp"
 

@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: every DBC file in drivers/dbc says the same as our codecs and as the published vectors.
 
 Method: a foreign reader, Debian's python3-canmatrix, decodes through the file (a) what our encoders produce, printed by

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Prints frames as our codecs encode them, beside the values they stand for, for dbc_check.py to read through the DBC
 // files: one a line, "FILE ID HEX SIGNAL=VALUE ...". A protocol adds a function and a call.
 #include <fmt/format.h>

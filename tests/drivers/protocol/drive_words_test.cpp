@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what a robot file says of a drive's identity and firmware is read as it is written on the drive card, and a
 // number that is none is refused with a sentence that says what is wanted.
 // Method: texts and words side by side, there and back; texts that are wrong by one place.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: no driver takes anything from the heap after construction, whatever it is told and hears. Method: operator new
 // of this program counts; every driver is abused between two readings. A planted allocation shows that the counter
 // counts.

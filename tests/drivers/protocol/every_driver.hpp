@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One driver per protocol, fed by arbitrary bytes: what must hold whatever crosses the bus and whatever is asked for.
 #pragma once
 

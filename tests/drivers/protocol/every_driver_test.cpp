@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: whatever arrives on the bus and whatever is asked of it, a driver of any protocol survives, reports numbers,
 // and sends legal frames with its own drive's ids only; and so does the last guard, whatever frame it is
 // given. Method: a million random frames per driver, with random

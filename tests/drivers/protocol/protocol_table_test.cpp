@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a joint's configuration becomes a driver, or one sentence that names the joint.
 #include "drivers/protocol/protocol_table.hpp"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a scan finds every drive of a mixed robot by number and protocol, invents none, and the zero frame moves a
 // drive's zero. Method: the questions are handed to the simulated drives, their answers to the scan.
 #include "drivers/tools/discovery.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what a person says of a joint's place is told to the drive in its own units, or kept for one start of the
 // executive, and refused where it is in doubt. Method: frames against bytes written down from mjbots/moteus
 // docs/protocol/registers.md (131) and odriverobotics/ODriveArduino src/can_simple_messages.hpp (19); notes in a folder

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a jog moves its joint as far as asked and back into the disabled state, never pulls harder than told, and ends
 // with a reason when the drive is not there, does not enable, faults or falls silent. Method: host driver and simulated
 // drive on a free inertia in virtual time.

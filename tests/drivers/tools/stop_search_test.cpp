@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a joint is led to its stop with no more torque than told, and where it came to stand is known; anything odd
 // ends with the drive disabled and a reason. Method: host driver and simulated drive on an inertia with a wall, in
 // virtual time; of a drive that takes a torque, one that closes its own loop, and one that must not be enabled

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a velocity that does not belong to its position is named, with what it most likely is; a right one never is.
 // Method: a move of some degrees between two rests, read every millisecond, with noise, offset, coarse steps, lost
 // readings and wrong units.

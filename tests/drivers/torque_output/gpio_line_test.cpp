@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the GPIO line is requested without permission, set where it changes, read back in every call, set again after a
 // doubt, and taken at the end; what cannot be had is told in one sentence. Method: a chip of this test's own in place
 // of libgpiod: its functions are defined here, and the linker takes these. No kernel's GPIO is touched.

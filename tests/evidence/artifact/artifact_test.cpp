@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: an artifact holds exactly the rows that its manifest stands for, through crashes and against mixtures.
 // Method: artifacts written, cut at every byte of a row, resumed; rows and manifests altered by hand.
 #include "evidence/artifact/artifact.hpp"

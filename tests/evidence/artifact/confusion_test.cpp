@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the confusion matrix counts every rollout once, under what was planted and what was said, and a false alarm in
 // a nominal rollout shows. Method: rows by hand; the matrix, its figures, its file.
 #include "evidence/artifact/confusion.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // make_sample_artifact DIR: an artifact of sample rows, for readers in other languages. 21 rows: more than two groups
 // of eight, the last one not full.
 #include <cstdio>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a row comes back from its line exactly, and nothing but a whole and sensible row is ever written or read.
 // Method: round trips; then every field of the table in turn is left out, given another type, made not finite.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An artifact for tests: a manifest that sample rows fit, and whole artifacts on disk.
 #pragma once
 

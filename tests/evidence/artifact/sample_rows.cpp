@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/evidence/artifact/sample_rows.hpp"
 
 #include <string>

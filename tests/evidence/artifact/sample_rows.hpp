@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rows for tests: valid, with a value of its own in every field.
 #pragma once
 

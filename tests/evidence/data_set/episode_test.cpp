@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a frame holds what the policy was given and what it asked for at that instant, and an episode holds nothing
 // else than the robot following its policy without a gap. Method: recorded runs of the virtual robot, whose policy's
 // targets are a known function of the observation and the step; records taken out or altered.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the statistics that trainers normalise by are those of the numbers. Method: numbers whose statistics are known
 // by hand; the standard deviation is the population's, quantiles lie on the line between neighbours.
 #include "evidence/data_set/feature_statistics.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a data set is written whole or not at all, and says what it is of. Method: small made-up episodes; folders that
 // cannot be written. What the files hold is judged by readers of other hands (tests/node/lerobot_check.mjs).
 #include "evidence/data_set/lerobot_data_set.hpp"

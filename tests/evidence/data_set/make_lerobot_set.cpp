@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // make_lerobot_set DIR: two recorded runs of the virtual robot, DIR/one and DIR/two, and DIR/set, the LeRobot data set
 // of both, for readers in other languages. Its data files are small, so that there are several.
 #include <cstdio>

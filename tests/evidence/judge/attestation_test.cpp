@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what a robot file offers as safe counts as shown only by an attestation that is whole, of this robot as it is
 // today, of this stop, and whose trials are many and good enough. Method: one that is, then one thing at a time made
 // otherwise; the line that is told is read.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: an artifact counts as audit-ready only when nothing that a sceptic asks for is missing.
 // Method: a whole artifact with completed post-mortems is ready; then one thing at a time is taken away.
 #include "evidence/judge/audit.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: thresholds keep the rate of false alarms they state, and the area under the curve is the textbook's number.
 // Method: known levels; many draws of calibration and fresh levels from a seed; rows with planted levels.
 #include "evidence/judge/chunk_detection.hpp"

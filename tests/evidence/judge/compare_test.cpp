@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: methods are compared pair by pair with the right numbers, and mixtures are refused with their reason.
 // Method: artifacts whose differences are known by hand; then one planted difference at a time.
 #include "evidence/judge/compare.hpp"

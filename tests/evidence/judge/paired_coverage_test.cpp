@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: an interval covers as often as its header says, tables without any difference seldom show a star, and what is
 // decided at any look is seldom decided wrongly.
 // Method: exact sums over all outcomes where there are few, else seeded synthetic panels whose truth is known. The

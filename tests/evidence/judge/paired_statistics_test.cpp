@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: differences between methods come with the right probability, and with an interval only where pairs bound them.
 // Method: values worked by hand from the binomial distribution; cases with a known answer. How often intervals cover
 // is for paired_coverage_test.cpp.

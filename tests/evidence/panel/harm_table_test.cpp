@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the table says of each cell whether Takt keeps the margin, from pairs alone. Method: rows made by hand.
 #include "evidence/panel/harm_table.hpp"
 

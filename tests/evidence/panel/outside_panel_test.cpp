@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a panel in a world of Python goes on whatever that world does, every bad end is in its row by name, and rows do
 // not depend on the number of workers. Method: the cart and pole of docs/examples/python-world, spoilt by seed.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a panel file means what it says, or is refused with the place and the remedy; a method's overrides reach the
 // robot. Method: a small panel, broken in one place at a time; the committed panels.
 #include "evidence/panel/panel_file.hpp"

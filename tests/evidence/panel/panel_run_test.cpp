@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: rows do not depend on how the work is shared out; a resumed artifact is the one that was never interrupted; a
 // worker's error ends the run with its sentence. Method: the smoke panel, shortened, run whole.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what the balancer's file offers as safe is what the committed panel shows, and what does not keep it on its
 // feet is refused as evidence. Method: the panel anew, in virtual time; a person's stop that holds the wheels. Replay
 // hashes are not compared: they change with every record of every tick, and the committed files name the sources that

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the run's own network gives the same bits again, whatever it remembers, and every deviation is told for what it
 // is: another file, an altered record, answers that are missing, a command that is not what the network said. Method: a
 // host without sockets answers observations with a network whose arithmetic is known, its evidence is written as the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: behind a stop the report says which other value of the key that governs its rule would have kept it from
 // firing, the smallest one of the grid, and says nothing where replay cannot know. Method: runs recorded in virtual
 // time that suffer a disturbance; then two more robots live through the same, with the value that was named, which must

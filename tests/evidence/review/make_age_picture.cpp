@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // make_age_picture FILE.svg: the age of the command in use, its limit, and what the robot does, while a policy freezes
 // for 300 ms and is gone 1.2 s later. The virtual robot records it, so that the same sources give the same bytes.
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a recorded run reproduces bit for bit, and nothing that was changed in it goes unnoticed or unnamed.
 // Method: a run recorded in virtual time, replayed as it is, from the middle, with ticks missing, and with one bit of
 // one field flipped, for fields the decision depends on and fields it does not.

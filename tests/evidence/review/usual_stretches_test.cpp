@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what is usual in a run's answers is what its own policy answered. Method: a recorded run of the virtual robot,
 // in which another policy is in charge for a while.
 #include "evidence/review/usual_stretches.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The demo arm's rollouts for tests: loaded once, a few seconds of virtual time each.
 #pragma once
 

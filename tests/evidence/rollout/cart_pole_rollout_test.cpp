@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the balancing task is judged as it says, and there an old command is fatal: what saves the pole is the
 // fallback, not luck. Method: rollouts of the committed cart and pole in virtual time, with the robot file as it is and
 // with a method that keeps the last command.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the scores of answers find failing rollouts that the plain velocity threshold does not, and keep their stated
 // rate of false alarms. Method: the committed panel with fewer seeds; thresholds from one half of them, judged on the
 // other. Prints the table.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A policy by takt/client.h for policy_process_test: the demo arm's joints sway about home, further with every answer
 // since it was told to forget. `WHAT` says what else it does; `--robot` and `--runtime-dir` are whoever starts it's.
 #include <unistd.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the fault classifier calls planted faults by their names, on rollouts it was not adjusted to.
 // Method: the demo arm in virtual time, each perturbation at a dose that hurts, seeds 101 and up; a rollout's verdict
 // is its most frequent one. Prints the confusion matrix. Rollouts without any trouble count as not recognised.

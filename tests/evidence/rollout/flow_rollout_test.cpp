@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: an arm whose policy has two ways of doing its task, and answers late, does it where the policy is shown what
 // will be played, and is torn where it is not; the same seed gives the same bits. Method: rollouts of the committed
 // robots in virtual time with inferences of 150 ms, by the rules of config/panels/joins_flow_arm6.yaml.

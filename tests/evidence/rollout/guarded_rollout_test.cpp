@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the last guard on the wire has nothing to say against the executive as it is: a refusal is a bug, of the
 // executive or of the guard. Method: rollouts of every committed robot in virtual time, undisturbed and under every
 // perturbation, whose buses are guarded as the executive's are; each tick's record says what was refused of the tick

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: for every scenario that comes with Takt, the incident names the joint or bus that the scenario strikes, and
 // what it did to it. Method: the demo arm, and the robot with drives of all five protocols, each of its joints in turn,
 // in virtual time: the real decision, the real drivers, the simulated drives, a policy that holds the arm at home;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a limb that loses a drive does not fall: the joints between the base and the lost one hold where they are, and
 // no reset takes the power of a joint that moves; without a model a stop holds as well. Method: robots with gravity in
 // virtual time, each drive silenced in turn, the true motion of the simulated joints.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the methods that every panel knows do what their names say. Method: rollouts of the demo arm, tick by tick.
 // What the plain loop tells a drive is computed here a second time, from the chunks and the robot file's words alone;
 // of a time-out the tick in which the robot reacts is looked at; a protection that is off leaves no mark of its own.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: how far MuJoCo in process (Debian's 2.2.2) and npm's @mujoco/mujoco drift apart on the same robots is known,
 // and a policy does its task in both. Method: the demo arm as MJCF, the balancer and, where ../shared has it, Unitree's
 // G1: each held at home by its own gains from the same state, in process and behind the world protocol; then by its

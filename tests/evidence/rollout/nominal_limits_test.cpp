@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: in nominal operation the demo robots hardly touch a limit, so that an intervention in a record means something.
 // Method: rollouts of the committed robots in virtual time; ticks of joints with a limit among their interventions,
 // once the ramp after arming is over.

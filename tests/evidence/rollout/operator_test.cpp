@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a panel's operator ends every stop the same way: no sooner than the panel says, never while something else
 // still blocks arming, and the row tells. Method: the demo arm in virtual time with a dead policy, requests read from
 // its tick records.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a rollout in a world of another process is the rollout in process, bit for bit, where the mechanics are the
 // same; how such a world ends is how the rollout ends. Method: the demo arm's own dynamics and the balancer in MuJoCo
 // behind takt/world.h in a forked child, beside the same in process; then worlds that end in every way there is.

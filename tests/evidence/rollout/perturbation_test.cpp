@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: each perturbation does what its row of the table says, inside its window and nowhere else. Method: the demo
 // arm's rollout with the moderate dose beside the nominal one of the same seed; records and rows are compared.
 #include "evidence/rollout/perturbation.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a policy that is a program rolls out in virtual time as a network does: shown virtual time alone, the same
 // bytes every time, forgetting between rollouts, crashing with the perturbation; and one that skips, ends, hangs or
 // does not fit is what it would be on the robot. Method: the demo arm under client_policy, a program on takt/client.h,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Unitree's G1 as `takt config import --simulated` writes it from the published files, where ../shared has them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what a perturbation becomes with real processes is understood by the programs that are told, names the right
 // victim at the right time, and is drawn from the seed; what has no mechanism says so. Method: every kind at its
 // moderate dose, through the readers of `takt run --at`, of the simulator's scenarios and of the policy host's faults.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a rollout is a function of its setup: equal bytes from equal seeds, other bytes from another seed, and the
 // demo arm succeeds when nothing troubles it. Method: rollouts of the demo arm in virtual time, judged by their rows.
 #include <gtest/gtest.h>

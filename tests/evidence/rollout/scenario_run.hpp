@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A robot of a file, its drives and a scenario in one thread and virtual time: the real decision, the real drivers, the
 // simulated drives, a policy that holds the robot at home; buses and camera suffer what the scenario says of them.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a walker plays its held actions as softly as the plain PD loop that trained them, and a velocity setpoint that
 // nobody meant would not. Method: Unitree's G1 by its published policy, walking in virtual time, where ../shared has
 // them: beside what the executive's outputs come to, the torque of kp (action - q) - kd dq from the same actions on the

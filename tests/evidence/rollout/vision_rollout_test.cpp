@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: in virtual time a policy that looks is shown the world's images byte for byte, each as old as the world says;
 // what troubles sensors troubles images; the same seed is the same rollout; without images there is one line and no
 // row. Method: the demo arm under docs/examples/python-sensor/look.onnx in a world that stands still and shows it a

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the arm whose policy decides once per two camera frames does its task at that rate: its chunks bridge the
 // decisions, its contract leaves room for them, and what it foresees of the target is what makes it arrive. Method:
 // rollouts of the committed robot in virtual time, judged by their rows, and the arithmetic of its robot file.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the watches over feedback, following and IMU suspect no healthy robot, and it is known by how much they miss.
 // Method: nominal, pushed and laden rollouts of every shipped robot and of the published walkers, in virtual time; of
 // every tick the watches' own margins, computed anew from its record.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the age that the task tolerates is found, the proposal follows its rule, and neither depends on the number of
 // workers. Method: the demo arm's rollouts, short and few, with a success rate that few can show.
 #include "evidence/study/age_tolerance.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the budget's arithmetic is right, above all for the figure it comes from, and what is drawn says the same and
 // keeps to its columns. Method: stages whose sums are known; robot file and recorded demo for the sources.
 #include "evidence/study/budget.hpp"

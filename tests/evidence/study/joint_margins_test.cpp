@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the margins that are computed are those of the loop that runs, for every joint and drive protocol, and a loop
 // that runs otherwise than computed is noticed. Method: the demo robots hold their home pose in virtual time; then one
 // whose torques come later than the computation knows.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the search finds the margins that a textbook loop has in closed form, and the sine fit finds a known sine.
 // Method: a double integrator under proportional and derivative gain behind a dead time, whose crossovers can be solved
 // for by hand; the same for a loop without a margin to find.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what `takt margin` shows is what was found, disagreement included, within 80 columns. Method: made-up margins.
 #include "evidence/study/margin_report.hpp"
 

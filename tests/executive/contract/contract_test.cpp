@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the words that processes share mean the same on both sides. Method: walk every enum's names, pack and index a
 // chunk by hand, and change one field to see the layout hash move.
 #include <gtest/gtest.h>

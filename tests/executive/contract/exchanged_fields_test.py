@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: builds whose shared structures differ in anything that a reader relies on have different contract hashes.
 Method: a copy of executive/contract in which two fields, two words of an enum or two structures have each other's name
 is compiled into a program that prints its hash. A field without its line in the table must not compile.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: an overrun skips exactly the instants that have passed, and the grid never moves. Method: property over random
 // ends.
 #include "executive/contract/pace.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: one incident per stop or fault, with the joint or bus, the drive's own words, what came before it, and one
 // sentence that says it all. Method: ticks made by hand, one story each; every cause of the reaction table is entered
 // once.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the checksum is CRC-32C whichever implementation runs. Method: published vectors (RFC 3720, appendix B.4), the
 // two implementations against each other over lengths around every lane boundary, and planted bit flips.
 #include "executive/ipc/crc32c.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: leases follow processes. Method: a real child takes the policy lease and is killed; a real server is killed and
 // its socket taken over.
 #include <gtest/gtest.h>

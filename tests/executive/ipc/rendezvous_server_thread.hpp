@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A rendezvous server that runs in a thread of its own until stopped, so that blocking clients can be tested against
 // it.
 #pragma once

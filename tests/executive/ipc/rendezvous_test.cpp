@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: one lease per role, refusals that tell a person what to do, and a server that no client can hold up. Method: a
 // served socket in a temporary directory, real clients through the public functions, rude ones through raw sockets.
 #include "executive/ipc/rendezvous.hpp"

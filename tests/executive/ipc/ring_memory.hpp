@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Memory for a ring, private or shared with forked children, and payloads that betray tearing: every word depends on
 // the sequence, so that no mixture of two payloads passes for one.
 #pragma once

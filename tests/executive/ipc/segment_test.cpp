@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: nobody can take memory away from under a reader or gain write access after sealing. Method: attempt every such
 // operation on real memfds; show in a forked child that the same truncation kills a reader of an unsealed file.
 #include "executive/ipc/segment.hpp"

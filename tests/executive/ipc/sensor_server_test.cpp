@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a reader gets the camera's mailbox over the socket, several at once, and no other role gets anything.
 #include "executive/ipc/sensor_server.hpp"
 

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
 # Goal: every interleaving of the slot protocol's model is safe, and the model can tell. Method: spin explores them all; the
 # wrong variants must be refuted. Exit code 77 (skipped) where spin is not installed.
 # Usage: slot_ring_model.sh MODEL

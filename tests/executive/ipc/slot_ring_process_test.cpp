@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a writer process that is killed or hostile costs its reader nothing but its own messages. Method: real
 // processes on shared memory; SIGKILL at random instants; a child that scribbles over the whole segment or mutates
 // payloads under a valid version while we read.

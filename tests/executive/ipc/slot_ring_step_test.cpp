@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: no instruction at which a writer may die, and none at which a reader may be overtaken, yields anything but
 // whole payloads. Method: single-step the compiled writer and read after every instruction; single-step the compiled
 // reader and let the writer overtake it at every instruction. The wrong variants below must be caught by the same

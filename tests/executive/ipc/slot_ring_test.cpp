@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: one writer's payloads arrive whole, in order, with exact loss counts, and nothing in the segment can lead a
 // reader out of bounds. Method: unit cases on private memory, a model (plain list of payloads) driven by RapidCheck,
 // and segments composed of hostile words.

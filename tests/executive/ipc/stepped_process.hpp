@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A forked child that runs one function again and again and can be stopped between any two machine instructions
 // (ptrace), so that a test can interleave with compiled code at every point instead of hoping for an unlucky schedule.
 #pragma once

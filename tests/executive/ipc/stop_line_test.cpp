@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a stop crosses on its own way, and nothing that is no stop does. Method: a line in a temporary directory, real
 // and rude senders.
 #include "executive/ipc/stop_line.hpp"

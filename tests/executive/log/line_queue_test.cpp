@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: whoever logs is never held up by whoever reads, nothing is lost in silence, and a program can end. Method:
 // pipes that nobody reads, that are read late, or that are closed. A push that blocked would hang its test.
 #include "executive/log/line_queue.hpp"

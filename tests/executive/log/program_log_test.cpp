@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a line that goes to the journal begins with its priority, one that goes elsewhere does not, and both say their
 // instant in UTC. Method: a forked program logs into a pipe that JOURNAL_STREAM names, or does not; in another zone.
 #include "executive/log/program_log.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: each kind of bad message is refused by its own name, in the documented order, and no message can make itself
 // younger. Method: one sound message, one thing spoilt at a time; pairs of faults for the order.
 #include "executive/pipeline/arrival.hpp"

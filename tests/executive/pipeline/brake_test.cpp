@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: whatever a policy asks for, the robot can always be stopped: a step is committed only where a stop from there
 // stays inside position, velocity and torque limits, and where gravity leaves little torque, the robot brakes in time.
 // Method: the bound on how gravity changes against the model itself, stops that were called possible driven to their

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: every bus fault is found while its share is over the limit, and no healthy bus is accused.
 // Method: reply counters and bus health written tick by tick for one joint or bus: each fault, each healthy look-alike
 // (phase drift, jitter, a stall with its backlog, a silent joint that comes back, counters that wrap); a share is met

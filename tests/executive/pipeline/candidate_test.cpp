@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a policy that runs beside the one in charge moves nothing until a person asks for it, takes over and hands back
 // without a jump, goes back by itself when it fails on probation, whoever is killed, and every tick says whose command
 // the robot follows. Method: the rig's robot in virtual time with two hosts that answer each observation after some

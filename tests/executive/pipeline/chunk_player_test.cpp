@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: targets lie on the documented path at every instant. Method: known chunks, closed-form positions, and a check
 // that slope and path agree.
 #include "executive/pipeline/chunk_player.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the tick as a whole does what the mode table and the freshness contract promise. Method: scenarios in virtual
 // time on a simulated robot, one promise each.
 #include "executive/pipeline/control_tick.hpp"

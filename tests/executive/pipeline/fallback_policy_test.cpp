@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a second policy that is kept warm takes over in time when the first is lost, hands back when it returns, never
 // makes the reference jump, never moves the robot by an old command, and every tick says who moved it. Method: the
 // rig's robot in virtual time with two policies that answer each observation, each told when to be silent and what to

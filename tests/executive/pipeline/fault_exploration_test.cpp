@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: under any schedule of faults the promises of the design hold. Method: thousands of seeded schedules in virtual
 // time mix a policy that dies, freezes, sends NaN, wrong shapes, old, future and repeated messages or random bytes,
 // with silent and faulty drives, bus-off, lossy, repeating, delaying, babbling and foreign-ridden buses, late ticks,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a joint that is held away from its reference for longer than it may be is told, degrades the robot or stops it,
 // as the robot file says, and the stop does not push on; a joint that follows, a soft one and a passive one are never
 // behind. Method: the rig's robot, whose joint 1 a hand grips.

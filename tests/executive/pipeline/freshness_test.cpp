@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the verdict changes at its documented instants, the bound is exact, and flapping loses. Method: instants one
 // nanosecond either side of each edge; a relapse schedule walked by hand.
 #include "executive/pipeline/freshness.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: gravity torques are right for any tree. Method: random trees; the torque must equal the slope of the potential
 // energy, computed in double precision by forward kinematics with matrices, which shares nothing with the recursion;
 // and KDL's inverse dynamics of the same tree at rest.

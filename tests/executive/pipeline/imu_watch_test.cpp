@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the base's IMU is believed only where it can be true, its stamp is part of every observation's oldest sample,
 // and each way to lose it, lean or turn too far ends in its named stop. Method: the robot of rig.hpp with an IMU whose
 // samples the test writes, a table of what goes wrong.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: every join is the rule that its name stands for, what promises a smooth path keeps it, what is promised to be
 // played is played, and whatever joins follow one another, the reference stays inside its limits. Method: chunks on
 // one grid against the published formulas; random chunks at random instants against the path of before; the whole tick

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a drive that tells what cannot be true of its joint is found within 50 ms and 0.1 rad of true motion, costs at
 // most two slew steps of torque at the joint's true state, and never arms; a joint at rest, at its stop, held or behind
 // a coarse encoder is believed. Method: the robot of rig.hpp, whose drives know the truth and whose replies the test

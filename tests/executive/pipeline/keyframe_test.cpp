@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: replay starts from any keyframe and recomputes every record bit for bit; a damaged keyframe is refused.
 // Method: random runs recorded through input_of, replayed from a random tick in a fresh state, compared with memcmp;
 // every byte of a keyframe flipped once.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a loop that is late too often stops the robot, in whatever pattern it is late; one that is late now and then
 // does not. Method: virtual time, patterns of late ticks and skipped periods, default share of a quarter.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what goes out instead of a setpoint that comes too late is damping, inside every limit; the tick after goes on
 // from what the drive was really told; and the tick says itself until when its setpoints may leave. Method: the rig's
 // drives get the damping of chosen joints, and the next tick is told.

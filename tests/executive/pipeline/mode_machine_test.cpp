@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: every mode x cause reacts as written down here a second time, the worst cause wins, and no set of causes breaks
 // the latch. Method: full enumeration of single causes and pairs; random sets for the rest.
 #include "executive/pipeline/mode_machine.hpp"

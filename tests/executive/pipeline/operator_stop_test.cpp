@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a person always gets the drives without power, at once and in every mode; a press of the stop does so when a
 // stop is in force; a program that repeats its stop never does. Method: the tick in every mode, with silent and faulty
 // drives.

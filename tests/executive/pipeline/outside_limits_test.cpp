@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a joint found outside its position limits, but inside the margin, is left where it is by a stop, and returns
 // by the reference's own limits when tracking begins: nothing throws it back.
 // Method: the rig's joint, pushed by hand to 0.13 of the 0.15 rad beyond either limit.

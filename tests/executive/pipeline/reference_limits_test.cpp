@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: whatever targets come, the reference never leaves position, velocity and acceleration limits, and there is
 // always an admissible next step. Method: random limits, admissible starts and target sequences; the stopping distance
 // is checked against braking step by step.

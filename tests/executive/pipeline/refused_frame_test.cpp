@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a frame that the last guard refused is a fault of ours that latches and is trusted with nothing more than
 // damping; one that only came too late is none; either way the next tick goes on from what the drive was really told.
 // Method: the rig's next tick is told of a refusal, as the edge does it.

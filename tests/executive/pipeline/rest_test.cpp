@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: drives are switched off, and a stop holds its position, only while the robot rests; an instant at rest is a
 // turning point. Method: a moving robot in each latched mode, asked for a reset in every tick.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: after arming and after degraded mode the robot does not jump to where the policy went meanwhile: its speed
 // limits rise over resume_over. Method: the whole tick in virtual time, with a policy that asks for a far pose.
 #include <gtest/gtest.h>

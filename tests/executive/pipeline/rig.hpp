@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A robot for tests in virtual time: independent joints with inertia, friction and (optionally) the gravity of a link
 // tree, behind ideal drives that close the impedance loop of the previous tick's setpoint. No clock: 1 ms per tick.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a fault reaches as far as the table says: the joint it is about gets no power, what hangs on it damps, the rest
 // of its limb holds, the rest of the robot carries its weight, comes to rest and holds; nothing heals before the
 // operator's reset.

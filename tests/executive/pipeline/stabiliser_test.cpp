@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the drive's fields always produce the limited torque and stay inside their own limits; barriers act on the
 // measured state before the hard envelope; the last clamp catches what a broken stage would let through.
 // Method: hand-worked cases, random inputs, and a simulated joint pushed towards its limit by a hostile torque.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a robot that falls without a controller keeps one when its policy is late, and what nothing can drive is never
 // driven. Method: the rig's robot with a passive joint; the law against the recorded estimates tick by tick; a pole on
 // a cart in three lines of physics, balanced by state feedback and dropped by holding; every mode for the passive

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a damped stop comes to rest in the manner that its cause was given, for as long as it was given, a worse cause
 // takes over with its own, and no manner leaves the limits; degraded mode ends when its time is over. Method: the rig's
 // robot, stopped from full motion by causes with each manner; setpoints and limits looked at in every tick.

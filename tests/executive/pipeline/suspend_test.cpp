@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: after the computer slept nothing older is believed: CLOCK_MONOTONIC stood still, so that what was sensed,
 // published or asked for before looks hours too young. Method: virtual time that does not move, an input that says how
 // long the sleep was.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: targets are played as they were meant. Held steps (policies of Isaac Lab and Unitree) come without a velocity
 // setpoint, and cost no more torque rate than the plain PD loop they were trained with; a joint out of its range is
 // clamped, marked and counted, and only a share of the window stops the robot. Method: the whole tick in virtual time

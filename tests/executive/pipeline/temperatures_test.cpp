@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a hot drive is told, degrades the robot where the robot file says so, or stops it, by the part that is hot;
 // what made the robot stop has to cool before it arms again; a drive that tells nothing is not armed under a limit.
 // Method: the rig's robot, its drives' temperatures written by the test.

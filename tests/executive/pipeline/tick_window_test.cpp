@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the sliding window counts exactly, whatever its length. Method: random marks against a plain list.
 #include "executive/pipeline/tick_window.hpp"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the output that permits torque does so from the tick of arming to the tick that takes power, a joint's fault
 // takes it where the robot file says so, and who cannot rely on it neither arms nor goes on. Method: the robot of
 // rig.hpp; the test says what became of the output.

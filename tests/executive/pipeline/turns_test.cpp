@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a drive that is written to every n-th tick owes a reply per turn and no more, is followed and stopped like any
 // other, and is written to at once when the mode changes. Method: the rig's robot, whose drives answer what they are
 // sent and go on with what they were told last.

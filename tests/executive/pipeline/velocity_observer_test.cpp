@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the observer follows a moving joint through missing, repeated, late and absurd replies. Method: replies along a
 // known path, checked against that path.
 #include "executive/pipeline/velocity_observer.hpp"

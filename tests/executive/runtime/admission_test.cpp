@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: only the configured policy for this very robot is admitted, and a refusal names both values. Method: an
 // admissible hello, then one deviation at a time.
 #include "executive/runtime/admission.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: an operator whom the robot refuses to arm is told what the drive itself said, not only that it said something.
 // Method: a record in which one drive reports that its time-out is off, and the sentence that comes of it.
 #include "executive/runtime/arming.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a fault on a bus reaches the tick as its cause, through the loop and the edge as they are; a healthy bus does
 // not. Method: the real loop in virtual time; scripted buses that answer every command, with one fault each on bus 0.
 // A rival controller is tried with real drivers on a loopback bus.

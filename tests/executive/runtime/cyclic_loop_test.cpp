@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the shell around the tick: phase, order on the wire, bounded receiving, records, requests, the last frames.
 // Method: the real loop in virtual time between fake buses.
 #include "executive/runtime/cyclic_loop.hpp"

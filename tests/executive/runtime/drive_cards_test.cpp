@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: drives.json has what the drives said from the first frame on, is written again when a card changes and only
 // then, and is gone when the executive is. Method: frames published by hand into a real ring, as RobStride's manual has
 // them; the file is read back as JSON.

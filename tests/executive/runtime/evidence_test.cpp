@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the evidence moves with what it stands for. Method: do each thing for real on this thread; only lower bounds
 // are checked, since a busy machine adds to every one of them.
 #include "executive/runtime/evidence.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt-executive as a child process: its exit code, its standard error, and, if asked for, without real-time rights.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: takt-executive as a process: what it refuses and with which exit code, what it leaves behind, what the service
 // manager hears, how it ends. Method: the real program on loopback buses, the drives simulated in this process.
 #include "tests/executive/runtime/executive_process.hpp"

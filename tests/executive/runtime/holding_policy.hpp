@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A policy that asks the robot to stay where it is: answers every observation with its own positions, from a thread of
 // the test. It speaks through the same mailboxes as a policy host.
 #pragma once

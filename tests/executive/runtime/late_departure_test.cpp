@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: no setpoint leaves later than its tick or its command allows, wherever inside the tick the machine stood still;
 // the drives are told to damp instead, and the record says so and replays. Method: the real loop in virtual time with
 // drives that answer and a policy that answers every observation; the clock jumps inside a receive or behind a frame.

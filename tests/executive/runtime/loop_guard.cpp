@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/executive/runtime/loop_guard.hpp"
 
 #include <dlfcn.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Watches what one thread does: allocations and locks through interposed functions, system calls through a seccomp
 // filter that traps whatever is not declared. Linked into a test program, it costs other threads nothing but a branch.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A cyclic loop with nothing real around it: virtual time, buses that remember what was sent, drives of one byte. The
 // ports are what these tests are about; tests/process runs the whole with real ones.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a mailbox is freed only after the control thread let go of it, and no request to change is lost. Method: the
 // interleavings step by step on one thread, then two threads racing under ThreadSanitizer.
 #include "executive/runtime/mailbox_handover.hpp"

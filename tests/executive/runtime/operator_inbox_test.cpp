@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what a person asks reaches the tick once, in the order of what hurts more, and nothing that gets a robot going
 // outlives a stop. Method: requests that are pending together, taken tick by tick.
 #include "executive/runtime/operator_inbox.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: every missed period is blamed on the cause the evidence shows, first match first. Method: a table of evidence
 // as it was seen around injected faults, with the values just inside and outside each threshold.
 #include "executive/runtime/overrun.hpp"

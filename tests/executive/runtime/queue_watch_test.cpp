@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a setpoint that would leave a dead bus too old is told in time for a purge, once; nothing else ever is.
 // Method: ticks of 1 ms made by hand, with the command's age, and with what the bus says of our frames.
 #include "executive/runtime/queue_watch.hpp"

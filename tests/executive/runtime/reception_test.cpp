@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: each role gets what is its own, a refusal says why, and requests reach the loop. Method: the real socket served
 // by the real reception in a thread, with a real loop in virtual drives' company; clients as the other programs are.
 #include "executive/runtime/reception.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the service manager hears READY once ticks run, and WATCHDOG only while they advance. Method: a real datagram
 // socket as NOTIFY_SOCKET; time and ticks are passed in.
 #include "executive/runtime/service_manager.hpp"

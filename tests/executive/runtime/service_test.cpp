@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the service manager's watchdog bites when the control thread hangs, and an orderly end follows a signal.
 // Method: the real service loop and the real cyclic loop on a bus that hangs on demand, a real datagram socket, a real
 // SIGTERM.

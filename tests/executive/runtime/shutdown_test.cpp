@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the loop ends when it is safe to, and in bounded time. Method: table of situations after a first signal at t =
 // 10 s.
 #include "executive/runtime/shutdown.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The device side of a robot's loopback buses in a thread of the test: every Damiao drive answers each frame with
 // position zero and its state, as the protocol says, before it obeys the frame, and questions about its settings with
 // what the robot file says; what is written into them stays. No physics: takt-plant has that.

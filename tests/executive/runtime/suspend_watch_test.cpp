@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: every suspend of the computer is noticed, and nothing else is taken for one. Method: readings made by hand;
 // readings taken apart by preemption, at random.
 #include "executive/runtime/suspend_watch.hpp"

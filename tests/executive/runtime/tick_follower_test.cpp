@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the service thread sees every transition and every request that was read, and calls the robot at rest only
 // after it has been slow for long enough without interruption. Method: ticks published by hand into a real ring.
 #include "executive/runtime/tick_follower.hpp"

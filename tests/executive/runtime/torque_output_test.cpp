@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the output that permits torque is told in every tick, before any frame of it leaves, and taken with the loop's
 // last frames; what becomes of it reaches the next tick. Method: the loop in virtual time in front of ports that
 // remember.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a drive with turns gets a frame in its turns and in no other tick, every drive gets one in the tick that
 // changes the mode, and the last frames of the loop reach everybody. Method: the loop in virtual time in front of buses
 // that remember what was sent.

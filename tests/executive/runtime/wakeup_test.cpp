@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: sleep waits in the kernel until the instant, hybrid until `spin` before it and polls from there. Method:
 // virtual time.
 #include "executive/runtime/wakeup.hpp"

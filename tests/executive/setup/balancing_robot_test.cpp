@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a robot with a passive joint and a state-feedback fallback is read as it is meant, or refused with the place
 // and the remedy. Method: the committed balancing robot; the same broken in one place at a time; what the tick gets of
 // it.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the tick runs with the numbers the file says. Method: the small robot's values, in float32, and the rotation of
 // a frame against vectors turned by hand.
 #include "executive/setup/tick_config_of.hpp"

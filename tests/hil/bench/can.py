@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """can.py OUT: system calls per period and the time from wake-up to each frame on the bus, of Takt and of a loop that only writes."""
 import pathlib
 import re

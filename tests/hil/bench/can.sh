@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: what a tick costs on CAN: system calls of the control thread, and the time from its wake-up to its frames on the bus, against a loop that
 #   wakes up and writes the same number of frames and does nothing else (takt-bench-can).
 # Method: arm6 tracking at 1 kHz, six frames on two buses; then the loop, alone. The kernel counts each thread's system calls (tracefs), a peer on the

@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: an adapter that is pulled out stops the robot; plugged in again it comes up by itself, with the robot file's bit rate.
 # Method: takt-can@ of two emulated PCI cards, enabled, and udev, which starts and stops these units with their devices. While tracking one card is
 #   taken off its bus (sysfs), then found again. The executive's sockets died with the card: as the page says, takt.target is restarted.

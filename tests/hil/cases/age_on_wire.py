@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """age_on_wire.py OUT: how old commands were when a peer saw their frames, in what the case of that name left in OUT.
 
 A frame belongs to the tick that began last before the peer's stamp; it carries a command if that tick played one and did not keep

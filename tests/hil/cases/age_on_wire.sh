@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: no frame that carries a policy's command is on the bus when that command's oldest sample is older than max_age.
 # Method: arm6 tracking, while its policy host and its executive are paused, for up to twice max_age. A peer on the bus stamps every frame (candump,
 #   the kernel's clock); age_on_wire.py then finds for each frame the tick it came from, and so the command's oldest sample.

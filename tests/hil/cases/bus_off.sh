@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: a controller that goes bus-off latches a fault; after its restart the same processes recover.
 # Method: the wrist's bus runs over slcan: a real CAN controller state machine of the kernel, whose adapter is a script that passes frames to and from the
 #   plant. While tracking the adapter reports bus-off; the interface goes down and up, as an operator would; reset, arm.

@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: an IMU on a real CAN interface serves through its unit's sandbox, and the robot stops when it falls silent; it is heard again when it comes back, and when its interface does.
 # Method: arm6 with an IMU on a third interface; an MTi's frames there while tracking; it ends, comes again, the interface goes down and comes up.
 # Mode: virtual

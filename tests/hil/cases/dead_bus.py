@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """dead_bus.py OUT: that nothing too old left a bus which had stood still, in what the case of that name left in OUT.
 
 The run's own can.log says which tick wrote a frame, the peer's log when it was on the bus: the newest one written before with the same

@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: what is installed runs the packaged demo robot by `systemctl start takt.target` alone, on no CAN interface, and says what it is and on what it runs.
 # Method: no file of the rig's: start, arm, 1000 periods of tracking. An interface can0, as an adapter would be, hears nothing. The executive holds /dev/cpu_dma_latency open and
 #   states the hash of its own binary, which is the installed file's and stands in the run's manifest too; `takt doctor` judges the machine by

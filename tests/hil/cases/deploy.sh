@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: a new deployment is proven on the robot that systemd runs, and rollback brings the one before back; an upgrade waits for a disarmed robot.
 # Method: the packaged demo robot, armed; its file with a slower joint is deployed: refused while armed, then, after a stop, started by takt.target, armed by
 #   takt deploy and watched for a second. Refused again while that tracks; after a stop `takt rollback` goes back to the demo. The package's own

@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: the whole pipeline runs on SocketCAN with every drive protocol, classic and FD.
 # Method: dual_arm12, twelve joints on four vcan interfaces: T-Motor and Damiao (mit), RobStride (29-bit ids), ODrive, moteus (FD) and CiA 402. Armed, tracking for
 #   1000 periods without a late one; every interface carries frames of the kind its protocol uses.

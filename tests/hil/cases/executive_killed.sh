@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: an executive that is killed leaves a robot that stands, and comes back disarmed.
 # Method: SIGKILL while tracking. What then is on the buses: ExecStopPost's disable frames (the MIT protocol's FF..FD); the drives' own
 #   watchdogs (100 ms) are the plant's. The truth file says when the joints stood. systemd restarts the executive in standby.

@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: a machine whose executive and systemd both hang is reset by its hardware watchdog.
 # Method: systemd feeds an emulated i6300esb (RuntimeWatchdogSec=). Three of its periods pass without a reset. The executive gets SIGSTOP, systemd SIGSEGV, upon
 #   which it freezes. The machine must start again: the case's second run sees what the first one left.

@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: Takt drives real CAN controllers: SJA1000 with bit timing, interrupts in threads, short queues.
 # Method: four emulated PCI cards on two emulated buses; the executive has can0 and can2, the plant can1 and can3. `takt bus up` sets the
 #   bit rates of the robot file. The plant refuses real interfaces unless told; `takt bus scan` refuses an executive's buses wherever it is told to look.

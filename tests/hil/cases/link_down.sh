@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: an interface that goes down latches a fault at once; when it is up again, the same processes recover.
 # Method: `ip link set vcan0 down` while tracking, then up; reset, arm.
 # Mode: virtual

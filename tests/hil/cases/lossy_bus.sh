@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: replies that are lost, late or doubled on a real interface are told apart and stop the robot softly.
 # Method: netem on vcan0, which hands frames back itself (echo=1), while tracking: 100 % duplication, then frames in bunches, one every 12 ms, then 70 % loss;
 #   each time the cause that docs/bus-faults.md names, then none, reset, arm. feedback.timeout is 60 ms, or the first bunch would come after a silence.

@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: a robot whose monitor dies stops, without a late period; the monitor is restarted, records into a folder of its own, and to the last stop.
 # Method: SIGKILL to the monitor while tracking: a damped stop for recording_lost. Reset and armed again once another monitor writes. Then the whole target
 #   is stopped: the second run must hold the damped stop. Both recordings are handed to the host, which replays them.

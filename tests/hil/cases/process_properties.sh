@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: what the units and the executive say of their processes is so: memory locked, schedulers and priorities, users, rights, whom the
 #   out-of-memory killer takes first, and which frames the kernel wakes the executive for.
 # Method: arm6 tracking; the kernel's own account of each process (/proc), and its lists of who receives which CAN frames before and after the

@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: a bus that cannot carry our frames (ENOBUFS) stops the robot softly, and is forgiven once it can.
 # Method: a token bucket (tc tbf) of 200 kbit/s with a short queue in front of vcan0 while tracking; then none; reset, arm.
 # Mode: virtual

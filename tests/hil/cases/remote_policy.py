@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """remote_policy.py OUT: what a bad network did to a robot whose policy runs elsewhere, in what the case of that name left in OUT.
 
 acts.txt says when each act began. Fails when a command was older than max_age, in a tick or on the bus; when delay and jitter kept the

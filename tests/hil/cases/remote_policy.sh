@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: over a bad network a robot whose policy runs on another machine is as safe as over a good one: its commands are older by what the wire
 #   takes, none is played older than max_age, a short cut degrades it until the network is back, a long one stops it for good.
 # Method: takt-policy-bridge by its unit, server and policy host in another network namespace, a veth pair between them with netem on both ends: delay

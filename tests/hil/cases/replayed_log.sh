@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: a recorded log that canplayer plays back feeds a listening executive like drives would.
 # Method: record both buses for two seconds while the plant answers in standby; end the plant: feedback is lost. Play only the drives' replies: the
 #   executive hears every joint as long as the log lasts, and loses them after it.

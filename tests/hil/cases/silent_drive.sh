@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: a drive of any protocol that obeys and is no longer heard gets no more force from us; `takt stop --now` takes everybody's power then too.
 # Method: dual_arm12 tracking; the simulated drive of one joint of each protocol falls silent for 1.5 s, 1 s after it was enabled. What the bus
 #   carries to that drive from 100 ms after the fault on is read from candump, by patterns that come from the protocols' own pages: no frame that

@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: whatever hangs beside the executive, a stop without power is on the bus within two periods of being asked for.
 # Method: arm6; the executive's log goes into a pipe that is full; monitor (and with it disk and DDS) and policy host get SIGSTOP. One datagram into the
 #   stop line, stamped before it is sent; each drive's first disable frame has the kernel's stamp (candump). Three times.

@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: the units start the robot on SocketCAN interfaces; the executive misses none of 10,000 periods, alone and among busy neighbours.
 # Method: arm6 on two vcan interfaces, started by takt.target, armed. Ten thousand periods of tracking, then
 #   ten thousand beside four processes that never sleep. Late and skipped periods are the executive's own count; when a

@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: on two CPUs the control thread has its core and priority, and processes that come and go in any order leave the executive alone.
 # Method: `control.cpu: 1`, 200 Hz, for an emulated processor is slow; policy host and monitor are killed at once and restarted while the
 #   executive runs. The second monitor finds ticks that are older than the keyframes that the executive still has. Real pace: nothing

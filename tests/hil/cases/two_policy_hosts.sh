@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: of two policy hosts one is heard; the other is refused and changes nothing.
 # Method: a second takt-policy-host, by the same user, while the first steers; the executive keeps its peer, its mode and its accepted messages. When the
 #   first ends, the second may have the robot.

@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: in virtual time a real-time thread wakes up on time, and `takt doctor` measures what cyclictest and the kernel's own tracers measure.
 # Method: cyclictest, rtla timerlat and `takt doctor` for five seconds each at 1 kHz, SCHED_FIFO, in a guest without a robot. All must stay below
 #   100 us: where this fails, no other figure of virtual time means anything. Two histograms are printed side by side. rtla osnoise says what else

@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: `takt run` drives the robot over SocketCAN without systemd: what `./dev hil --native` runs on a machine that has vcan.
 # Method: that very script, in the guest.
 # Mode: virtual

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # The guest, cached by content: prints the folder with vmlinux, initrd and root.ext4.
 # Usage: build.sh CACHE_FOLDER [PACKAGE...]     PACKAGE: what the guest holds beside packages.list; needs root to build
 # A newer Debian package, another list or script gives another key. The three newest of each kind are kept.

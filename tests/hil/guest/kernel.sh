@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Debian's PREEMPT_RT kernel for the guest: an ELF vmlinux and a few of its modules.
 # Usage: kernel.sh OUT_FOLDER DEB_CACHE MODULES.LIST
 # OUT_FOLDER gets: version, vmlinux, lib/modules/VERSION with modules.dep. The kernel is not installed on the host.

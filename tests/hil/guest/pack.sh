@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Root, kernel modules and the rig's own files become what qemu starts: vmlinux, initrd, root.ext4.
 # Usage: pack.sh ROOT.tar KERNEL_FOLDER OUT_FOLDER     needs root
 set -euo pipefail

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # The guest's root as a tar file: a real Debian 12 with its package database, maintainer scripts run.
 # Usage: root.sh OUT.tar DEB_CACHE PACKAGE...     needs root and mmdebstrap
 # Downloaded packages stay in DEB_CACHE, so that the next build needs the network for what changed only.

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Takes the ELF kernel out of a bzImage that was packed with xz.
 
 Usage: vmlinux.py BZIMAGE OUT. Source: Documentation/arch/x86/boot.rst, fields setup_sects, payload_offset, payload_length.

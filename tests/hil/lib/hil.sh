@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # What cases share: source it first. In the guest, as root. `. "$HIL_LIB/hil.sh"`
 # Time here is the guest's: under virtual time a wait costs nothing, and a time that was measured is the same on any host.
 set -uo pipefail

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """An Xsens MTi on interface INTERFACE, level and at rest, with a little noise: four frames 200 times a second, until a signal ends it."""
 import itertools
 import random

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Goal: `takt run` drives the demo robot over SocketCAN interfaces of the machine that it runs on, without a guest.
 # Method: two vcan interfaces of its own names, arm6 on them, two seconds of tracking with all processes; the run must say that the buses were
 #   SocketCAN, hold frames of both, and replay bit for bit. No time is judged: the machine may be anything.

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """The far end of a serial CAN adapter: a pty that the kernel takes for one, joined to a virtual CAN interface.
 
 Usage: slcan_bridge.py VCAN     prints the name of the new interface, then passes frames both ways until it is ended.

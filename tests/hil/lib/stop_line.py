@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """stop_line.py SOCKET: takes every drive's power away by one datagram into the executive's stop line, and prints when, in
 seconds of CLOCK_REALTIME, read before it is sent. What the message holds: executive/contract/session.hpp."""
 import socket

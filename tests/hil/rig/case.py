@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One test of the rig: a program in cases/ whose header says what it is.
 
 Header lines, comments at the top of the file: `Goal:`, `Method:`, `Mode: virtual|paced` (one CPU in virtual time, or two

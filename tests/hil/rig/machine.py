@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The emulated computer: how qemu is started for a case, and that it never outlives the rig.
 
 virtual: one CPU, time advances by executed instructions (1 ns each) and leaps over idleness. The same on any host,

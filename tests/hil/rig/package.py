@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is installed in the guest: takt's package, from a folder that `./dev package` filled."""
 from __future__ import annotations
 

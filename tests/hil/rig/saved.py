@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Machines saved where they wait for a job, so that a case need neither wait for a boot nor for an installation.
 
 started-MACHINE-KEY: booted; named by everything that shaped the machine. installed-MACHINE-KEY: the same with the package

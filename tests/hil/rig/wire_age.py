@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How old commands were when a peer saw their frames: what the judges of several cases share. arm6, of MIT drives."""
 import json
 import pathlib

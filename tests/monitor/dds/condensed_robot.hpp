@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The virtual robot with everything ROS 2 would be told of it, kept.
 #pragma once
 

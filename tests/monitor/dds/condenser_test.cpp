@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: ROS 2 is told what the records say, at the promised pace, and nothing old or made up. Method: the virtual
 // robot's ticks, condensed; every message compared with the record it comes from.
 #include "monitor/dds/condenser.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a slow DDS costs the recording nothing but messages, and every lost one is counted. Method: fill beyond the
 // bounds; then two threads at different paces, where what came out and what was lost must add up to what went in.
 #include "monitor/dds/outbox.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the domain can ask for what it may ask for and nothing else, and its configuration says what the robot file
 // says. Method: a table of requests; the text handed to Cyclone DDS.
 #include "monitor/dds/requests.hpp"

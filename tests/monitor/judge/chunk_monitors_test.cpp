@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: scores of answers are the numbers that their header defines, and a catch is votes of the newest answers, no
 // more and no less. Method: answers of a robot with two joints whose scores are known by hand; then a policy that
 // begins to contradict itself, tick by tick.

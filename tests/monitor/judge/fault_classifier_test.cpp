@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: every kind of fault is called by its name with its evidence, and calm runs by none.
 // Method: a synthetic robot of two joints whose policy answers every 20 ms; one thing at a time is made to go wrong.
 // The last tests take the recorded demo, whose policy stalls, and plant mistakes in the evidence.

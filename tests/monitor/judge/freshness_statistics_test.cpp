@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the review's numbers are the ones a statistician would compute. Method: the worked example of the mission,
 // values computed with Python's statistics and SciPy-independent closed forms, and properties of the bound.
 #include "monitor/judge/freshness_statistics.hpp"

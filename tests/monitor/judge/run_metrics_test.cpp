@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the review's numbers are what the recorded ticks say. Method: the recorded demo, whose two stalls are known,
 // against counts made here straight from the ticks.
 #include "monitor/judge/run_metrics.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a stop that the script brought about is asked for and names the process that is gone; no other stop is. Method:
 // the recorded demo, whose policy falls silent and is lost, with events.jsonl written beside it by hand.
 #include "monitor/judge/script.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: each outside sensor's share of the ages has its name, and nothing else is counted as one. Method: the demo arm
 // with a camera beside its target; observations at known instants, answers whose samples were sensed so long before.
 #include "monitor/judge/sensor_ages.hpp"

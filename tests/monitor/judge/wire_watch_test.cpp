@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: of every tick it is known when its frames had left, as far as the buses say, and never earlier than they did.
 // Method: ticks of 1 ms made by hand with what a prompt bus, a slow adapter, a dead one and one that says nothing say.
 #include "monitor/judge/wire_watch.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a file that is replaced is never another one: a device stays a device, and a link that lies in its place, or in
 // the place of the unfinished copy, leads nowhere. Method: such entries in a folder of the test's own.
 #include "monitor/record/bounded_file.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the byte layout is CDR's, and a reader survives any input. Method: annotated bytes; truncation at every length.
 #include "monitor/record/cdr.hpp"
 

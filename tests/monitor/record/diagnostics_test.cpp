@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what is wrong with the robot shows in ROS 2's diagnostics at the part it is wrong with, and nowhere else.
 // Method: one healthy record, spoilt in one place at a time.
 #include "monitor/record/diagnostics.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // make_policy_inputs DIR: a recorded run with four inputs of a policy, without samples of outside sensors and with, the
 // same ones twice, one of a person who said nothing, and one input of a client that was shown images; an IMU with a new
 // sample every fourth tick; and DIR/inputs.json, what was written, for readers in other languages.

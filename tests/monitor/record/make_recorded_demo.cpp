@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // make_recorded_demo DIR: a recorded run of the virtual robot, for tests in other languages. Beside it DIR/truth.jsonl
 // as takt-plant would write it: where the rigid-body library sees the tool at the recorded angles, and a target. And
 // two more pages: thin.html of the same run with little room, gap.html of a copy without ticks 2200 to 2699.

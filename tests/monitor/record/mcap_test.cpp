@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what was written is read back, whatever happened to the file in between. Method: a small recording, cut off at
 // every length, damaged at every byte, and stopped by a size limit.
 #include <gtest/gtest.h>

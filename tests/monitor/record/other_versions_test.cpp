@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a run that another version recorded tells exactly what it held, or is refused in one sentence that names both
 // versions; never "0 ticks". Method: a recorded run written again as other versions would have described it: fields in
 // another order, fields that are gone and new, words with other numbers, other types; and a run of an earlier version.

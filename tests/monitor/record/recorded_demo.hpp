@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A short recorded run of the virtual robot: arming, tracking, a policy that stalls and comes back, and is lost.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: whatever happens to the monitor or its disk, what was recorded is right, and what was not is declared.
 // Method: the virtual robot's rings, drained at different paces; files that stop growing; a medium that refuses at
 // write-back what a file took (this program's own fdatasync); folders that exist already.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: messages of a policy are kept byte for byte, whatever they are. Method: payloads of every length and shape
 // through encode and decode; single bits flipped and named.
 #include "monitor/record/run_messages.hpp"

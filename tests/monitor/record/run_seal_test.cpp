@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: whatever is done to a closed run folder is found, and named by its file and the ten seconds in which it was
 // recorded. Method: the virtual robot recorded for 35 s; a bit turned at random places, bytes cut, added, put between,
 // files taken away or made something else; a recorder that never closes its run; a file that was cut back.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: no byte of a tick is lost on its way to disk, and every alteration is found and named. Method: records with
 // random content in every described field; the tables against the structures; every single bit flipped in turn.
 #include "monitor/record/tick_schema.hpp"

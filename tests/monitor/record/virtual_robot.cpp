@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/monitor/record/virtual_robot.hpp"
 
 #include <gtest/gtest.h>

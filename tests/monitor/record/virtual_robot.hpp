@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A robot in virtual time: the real decision of config/arm6.yaml, drives that follow their setpoints, and a policy that
 // answers every observation after some ticks, or not. Publishes records into rings as the executive does.
 #pragma once

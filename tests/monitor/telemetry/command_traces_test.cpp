@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a command's trace says when each of its stages was, as the executive judged it. Method: constructed ticks and
 // frames; every instant is checked, and what is no first use makes no trace.
 #include "monitor/telemetry/command_traces.hpp"

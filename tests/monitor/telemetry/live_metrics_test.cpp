@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the running counts say what the finished run's metrics say. Method: a virtual robot whose policy stalls is read
 // from its rings by both LiveMetrics and the recorded run's own collector; histograms are fed values on their bounds.
 // An alert on a counter's increase sees no first value: every loss that can occur is there from the start, as 0.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // make_dashboard_metrics FILE: what Prometheus would have scraped every 5 s from a monitor during five minutes of the
 // virtual robot, as OpenMetrics text with stamps. The story: a policy that freezes for 300 ms every minute, that takes
 // three times as long from the third minute on, and is gone at the end; a drive that warms up; a busy computer.

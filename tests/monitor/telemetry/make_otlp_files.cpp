@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // make_otlp_files FOLDER: what a virtual robot's run tells OpenTelemetry, as the monitor writes it.
 #include <filesystem>
 

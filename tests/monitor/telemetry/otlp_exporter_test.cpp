@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what a session's OTLP metrics say they count since is what they count. Method: a virtual robot runs on while
 // one session's exporter ends and another's begins, whose first ticks are history from the rings; the files are read
 // back.

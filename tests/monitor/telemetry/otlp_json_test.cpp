@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the JSON is OTLP's, and tells one trace per command whose spans add up. Method: constructed traces and a
 // virtual robot's metrics are read back; OpenTelemetry's own message definitions judge the format in node_otlp_check.
 #include "monitor/telemetry/otlp_json.hpp"

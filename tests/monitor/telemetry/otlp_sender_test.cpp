@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a receiver gets every request once and in order, also when it is overloaded at first; what it refuses is not
 // tried again; and one that is away costs bounded memory. Method: a real HTTP server on loopback that answers as told;
 // waits are for what it counted.

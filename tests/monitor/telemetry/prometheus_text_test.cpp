@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: Prometheus accepts what is exposed. Method: the text of a virtual robot's run goes through `promtool check
 // metrics`, Prometheus's own judge, and through a small reader that demands HELP and TYPE before every sample. Every
 // family that the shipped rules and the dashboard name must be in it, and so must every series of the rules' own test:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // takt-engine-answers ROBOT OBSERVATIONS RESETS ANSWERS: the policy of a robot file, by its engine, without a robot.
 // OBSERVATIONS: float32, one after the other; ANSWERS likewise; RESETS: indices, separated by commas, before which it
 // forgets. Prints what engine it was, and how many threads there are.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: an engine that is none, is of another version, misbehaves while it is loaded or brings another network ends the
 // host with one line and 65, before it attaches; a good one is waited with; and no thread of an engine gets onto the
 // executive's processor. Method: the real program with a plugin that does wrong on request, and with ONNX Runtime's and

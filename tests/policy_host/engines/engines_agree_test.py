@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """Goal: the built-in engine, ONNX Runtime, TorchScript and a policy in Python say the same of the same observations, to 1e-5, hidden state
 and a reset included; what TorchScript cannot tell is refused. Method: PyTorch makes networks and writes each as ONNX and as TorchScript;
 `takt-engine-answers` runs 20 observations through each engine by a robot file that differs in `policy.engine` alone; PyTorch itself is the

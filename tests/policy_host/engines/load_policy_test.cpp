@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what is beyond the built-in engine, `auto` gives to ONNX Runtime, and both reasons are said where that cannot
 // either; what is wrong with the file itself, no other engine takes silently: memory that goes nowhere, weights that
 // the policy's hash does not cover, damage. Method: networks of the demo arm's shapes, run by its robot file with one

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* An engine that does what TAKT_ODD_ENGINE says, wrong in one way each; unset: sums its inputs, as a good one would. */
 #define _GNU_SOURCE
 #include <pthread.h>

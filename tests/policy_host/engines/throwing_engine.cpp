@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An engine that breaks the rule that no exception may leave it.
 #include <stdexcept>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what exploy's metadata says is read as it stands, imported without a guess and held against the robot file.
 // Method: metadata and tensors as its exporter writes them (exploy's documentation and control library), one deviation
 // at a time.

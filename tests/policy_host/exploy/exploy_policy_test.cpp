@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a file of exploy's is a whole environment, and runs as ONNX Runtime runs it: memory fed back, its step count
 // kept, a reset forgotten. Method: the two forms of such a file, made by make_exploy.py; the robot file as imported,
 // filled in; ONNX Runtime fed by hand, tensor by tensor, over 400 observations with a reset.

@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes ONNX files of a whole environment as exploy's exporter does: make_exploy.py FOLDER
 
 step.onnx   one step of the policy: the observation computed of the robot's state, a network, its action made joint targets

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Velocity networks whose flow is known: input one observed value, then x, then times.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a sampler is shown the path that will be played, in the new chunk's own instants. Method: answers with known
 // numbers, and observations that say which of them is being played.
 #include "policy_host/flow/flow_context.hpp"

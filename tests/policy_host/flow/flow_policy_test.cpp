@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: chunks are sampled as the published rules say, and from the input alone. Method: networks whose flow is known,
 // and guidance computed a second time from the rule.
 #include "policy_host/flow/flow_policy.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the weights of guided real-time chunking are the published ones. Method: the published example, and the ends of
 // every schedule.
 #include "policy_host/flow/prefix_guidance.hpp"

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Actors without memory: networks as the projects named build them, and their exporters write them."""
 import torch
 from torch import nn

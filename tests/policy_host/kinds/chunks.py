@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Policies of images and of chunks of actions: ACT, diffusion, flow matching, causal transformers, action experts."""
 import math
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How networks become files here: exported by torch, scripted, or raised to what newer exporters write. Weights are random, of a seed
 that the name decides, and batch-norm and normaliser statistics are no longer those of a network that saw nothing."""
 import warnings

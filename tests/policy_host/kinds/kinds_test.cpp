@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: policies in the forms in which they are published load by the engine that the table says (make_kinds.py), and
 // say what ONNX Runtime says over 16 observations in sequence; the one whose memory is lost is refused. Method: the
 // small ones, with random weights, as `takt policy try` tries a folder of them.

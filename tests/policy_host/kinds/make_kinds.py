@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes networks of the kinds in which policies are published, with random weights of a fixed seed: make_kinds.py FOLDER [small | all]
 
 Published policies are few and large, and most cannot be had here; what an engine trips over is their form: operators, opsets, types, inputs,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Actors with a memory: state outside (inputs and outputs) and inside (a TorchScript module's buffers)."""
 import torch
 from torch import nn

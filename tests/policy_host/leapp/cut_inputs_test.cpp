@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: whatever a bundle's network is fed from, its loss has a reaction with a name, and from max_age after the last
 // sample on no answer made of it moves the robot. Method: the walker in virtual time: the tick itself, the host's own
 // judgement of samples, its network; one source is cut at a time while all others go on.

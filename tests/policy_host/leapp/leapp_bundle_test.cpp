@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a LEAPP bundle is read as it stands, and one in which a value would have to be guessed is refused with its
 // place. Method: a small bundle with one deviation at a time; a published one (values as published) in ../shared.
 #include "policy_host/leapp/leapp_bundle.hpp"

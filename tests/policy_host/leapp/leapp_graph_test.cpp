@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: nodes run in their order, data flows within an inference and feedback into the next, from its start values; an
 // action chunk keeps its steps. Method: networks small enough to compute by hand, in a bundle written here.
 #include "policy_host/leapp/leapp_graph.hpp"

@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes a LEAPP bundle whose networks have the shapes that its YAML says: make_bundle.py FOLDER [YAML | history | t1]
 
 Without YAML it is one of a 29-joint walker's: inputs, outputs, feedback and their names as WBC-AGILE's Velocity-G1-v0 has

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The LEAPP bundle that make_bundle.py writes, and the robot file that `takt config import` begins for it, filled in as
 // its owner would: hardware, contract, and the sensor for what no robot says of itself.
 #pragma once

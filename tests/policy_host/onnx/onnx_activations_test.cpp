@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: each function of one element has the right value, over its whole range, and lets "not a number" through.
 // Method: one-node models against the C library in double precision.
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: run() takes nothing from the heap. Method: every allocation function of this program counts; a model of all
 // operator families runs between two readings. A planted allocation shows that the counter counts.
 #include <atomic>

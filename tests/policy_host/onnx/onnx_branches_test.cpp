@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: of an If's two graphs the chosen one alone decides, whatever both call their values; a truth that is not a
 // number chooses neither; and what cannot be evaluated is refused with its place. Method: small graphs, one deviation
 // at a time; policy_trial_test compares larger ones with ONNX Runtime.

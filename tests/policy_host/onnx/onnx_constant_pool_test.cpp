@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: networks of equal weights keep one copy of them, others their own, and nothing outlives the networks.
 // Method: the weights as a network packs them are offered to the pool while none, one or two networks that use them are
 // alive; what comes back is ours, or theirs.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: binary arithmetic with every kind of NumPy broadcasting. Method: sums small enough to do in the head, and a
 // comparison of all shape pairs of up to three dimensions with an index-by-index reference.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Builds small ONNX models in memory, so that the engine's tests need neither files nor Python.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: Gemm and MatMul in all their variants, and bits that do not depend on how a product is tiled.
 // Method: products small enough to check by hand; random sizes around the tile edges against a plain triple loop.
 #include <cmath>

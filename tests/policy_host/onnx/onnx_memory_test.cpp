@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a recurrent network that has lost its memory is told by its graph alone, for engines that run what the built-in
 // one cannot load. Method: one recurrent node between operators that the built-in engine knows and does not know, its
 // start state from everywhere that exporters take it from.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: means, softmax and layer normalisation over the right axes, under the rules of old and new opsets.
 // Method: rows whose results are short numbers, worked out beside them.
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: LSTM and GRU step by step, forward, backward and both, with and without initial states.
 // Method: an independent scalar recurrence in double precision, written from the equations of the ONNX specification
 // (https://onnx.ai/onnx/operators/onnx__LSTM.html, onnx__GRU.html), on random weights.

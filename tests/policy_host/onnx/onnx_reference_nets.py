@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes random small networks with inputs and outputs, for the ONNX engine to agree with.
 
 usage: onnx_reference_nets.py FOLDER

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: whole networks, as exporters really write them, give what their makers' engines give.
 // Method: PyTorch exports random networks and computes their outputs; a published walking policy comes with ONNX
 // Runtime's.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what cannot be evaluated is refused at load with one sentence that names the trouble, and a damaged or hostile
 // file never does worse than that. Method: one good model, spoilt in one way per test; then thousands of random
 // mutations, to be run under AddressSanitizer as well.

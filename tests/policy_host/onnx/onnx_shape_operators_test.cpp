@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the operators that rename shapes or move elements, on floats at run time and on integers at load, including the
 // forms that older opsets use. Method: elements numbered from 1, so that every result reads as a permutation.
 #include <limits>

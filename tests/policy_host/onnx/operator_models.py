@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes one small model per operator and edge case, for the engine to agree on with a judge that is not ours.
 
 usage: operator_models.py FOLDER

@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """Exports the published TorchScript policies of a folder the way their authors' tools would, as ONNX files.
 
 usage: published_policies.py SHARED_POLICIES FOLDER [beside]

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes what ONNX Runtime computes of the last of 16 observations: the numbers that policy_trial_test compares with where
 // ONNX Runtime is not installed.
 //

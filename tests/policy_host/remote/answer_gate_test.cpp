@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what comes from another machine moves a robot only if it answers an observation of this session, with this
 // robot file, policy and shape, once, in order and in time; and its stamps can make a command older, never younger; of
 // several servers one leads, and a silent one loses the lead within a bound. Method: answers by hand, time by hand.

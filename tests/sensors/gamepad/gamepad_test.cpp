@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a gamepad's values are the sensor's own, never outside its limits, and only while its button is held and it is
 // heard; what is cut, frozen, late or lying says nothing. Method: events by hand against values worked out by hand,
 // each trouble once, and random events whose every value is judged as a policy host would.

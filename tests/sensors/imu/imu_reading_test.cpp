@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a sample of the part becomes one of the robot's base, once, and never younger than it is. Method: rotations
 // worked out by hand for sensors that are mounted askew; counters and clocks of the part that wrap, repeat, jump,
 // restart, wait.

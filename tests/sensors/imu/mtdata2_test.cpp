@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: every message of an MTi is found once and read as its maker means it, whatever surrounds it; what is damaged is
 // none, and what is missing is named. Method: bytes of an encoder written from the protocol's description; garbage,
 // splits and damage drawn from seeds.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The MTi's own side of a CAN bus, written from the description of its frames and not from our decoder.
 #pragma once
 

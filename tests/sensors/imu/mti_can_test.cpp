@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: four frames of an MTi are one sample, as old as the oldest of them, and what lacks one, is a stranger's or says
 // that down is up is none. Method: frames written byte by byte from the description of the protocol; groups with holes.
 #include "sensors/imu/mti_can.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The MTi's own side of its protocol, written from the protocol's description and not from our decoder.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: an MTi on a serial port or a CAN bus is a robot's IMU, and whatever happens to it ends in imu_lost, inside the
 // envelope: cut, frozen, late, garbage; plugged in again it serves on. Method: real processes, the demo arm with an
 // IMU; behind a pseudo-terminal, or on a simulated bus, a simulated MTi, written from its protocols' descriptions.

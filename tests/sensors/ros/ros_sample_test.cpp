@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a message of ROS 2 becomes the sample that the robot file describes, or none; and its stamp never makes it
 // younger than its arrival. Method: messages as idlc's structures, by hand.
 #include "sensors/ros/ros_sample.hpp"

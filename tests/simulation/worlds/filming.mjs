@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A world that stands still and films: of every fourth step an image of 4 x 6 x 3 bytes, 7 i + 31 sequence, sensed 2 ms before.
 // Usage: filming.mjs SOCKET
 import { serve } from '../../../client/javascript/takt-world.mjs';

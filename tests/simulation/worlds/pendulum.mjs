@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A pendulum as a world of Takt's: 2 kg at 0.5 m below a hinge about y. Usage: pendulum.mjs SOCKET
 import { serve } from '../../../client/javascript/takt-world.mjs';
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the smoke run lets the demo robots through and catches a policy that does not fit, or whose robot does not
 // stand the first seconds; a policy that looks is tried where a world shows it something. Method: the committed robot
 // files, the arm with one value changed, and the arm under docs/examples/python-sensor/look.onnx.

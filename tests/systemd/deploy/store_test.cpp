@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: whatever interrupts a deployment, the store names a whole robot: the old one or the new one; and the next
 // deployment works. Method: a process is killed after every single change on disk, in turn, while it deploys; the store
 // is read afterwards as a unit would.

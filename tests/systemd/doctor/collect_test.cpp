@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what the kernel and `ip` say is read as they mean it, and what is absent stays empty. Method: a planted tree in
 // place of /proc, /sys, /dev and /etc, and texts of `ip -details -json` in iproute2's own form.
 #include "systemd/doctor/collect.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: every fact that stands between a machine and a punctual loop is named with the right verdict and a way to mend
 // it, and a good machine hears no complaint. Method: a snapshot of a machine without fault; each case plants one fact
 // and expects exactly one finding to change.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: wake-ups are measured under the conditions of the executive's loop, with what disturbed them meanwhile. Method:
 // known lateness; planted /dev and /proc whose files the test changes at instants that it can tell from the outside.
 #include "systemd/doctor/wakeup_probe.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Charts over time that share one view: zoomed, moved and pointed at together.
 takt.chart = (function () {
   const yAxisWidth = () => (innerWidth < 600 ? 96 : 116);  // the same for all, so that times stand one above the other

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Colours are the style sheet's, so that the canvases follow the theme.
 takt.colour = (function () {
   const known = new Map();  // of the theme

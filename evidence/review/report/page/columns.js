@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 'use strict';
 // Reads what packed_block.cpp wrote: base64, a zlib stream, columns of 16-bit differences in byte planes.
 const takt = {};

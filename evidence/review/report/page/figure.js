@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The robot at the cursor: measured pose in the mode's colour, setpoint and policy target as ghosts, the task's target.
 takt.figure = (function () {
   const kSide = { title: 'side', across: 0, up: 2, acrossName: 'x', upName: 'z' };

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every joint at the cursor in numbers, beside its limits; one joint, or all of them, over time.
 takt.joints = (function () {
   const number = (value, digits) => (Number.isFinite(value) ? value.toFixed(digits).replace(/^-(?=0\.?0*$)/, '') : '-');

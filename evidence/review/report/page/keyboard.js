@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One table of keys: what they do, and what the help says.
 takt.keyboard = function (view, violations, marks) {
   const help = document.getElementById('help');

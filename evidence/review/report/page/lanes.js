@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lanes over time: one row per mode band, kind of intervention or bus, painted where something is.
 takt.lanes = (function () {
   // What a lane shows in one pixel column, gathered from the rows of samples that fall there.

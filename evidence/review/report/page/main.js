@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Puts the page together from its data. takt.page is there for tests; data-ready says in ms when everything was drawn.
 takt.main = async function (say) {
   const element = (id) => document.getElementById(id);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A list of moments of the run: the classifier's verdicts, or what somebody marked. A row takes the page to its moment.
 // Rows may stand in another order than that of time, and what is alike may share one row that opens; keys follow the time.
 takt.Moments = (function () {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Forward kinematics of the robot's file: joint angles in, lines of a stick figure out. Metres, base frame.
 takt.robot = (function () {
   // Fixed-axis roll, pitch, yaw: Rz(yaw) Ry(pitch) Rx(roll), row-major.

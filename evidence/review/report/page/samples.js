@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Samples of a stretch of time out of the two levels of detail: every tick where the moments hold it, buckets elsewhere.
 takt.Samples = (function () {
   const kPoints = 1200;       // a chart is not wider

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Everything on the page that is text.
 takt.row = function (cells, isHead) {
   const row = document.createElement('tr');

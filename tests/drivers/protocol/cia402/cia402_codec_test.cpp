@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: CANopen frames are exact to the byte, every statusword is read as CiA 402 says, and nothing that arrives can
 // hurt. Method: bytes written out by hand from CiA 301's and 402's tables; all 65536 statuswords against bit patterns
 // as the standard prints them; frames of every kind and length thrown at the decoders.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the driver sets up, enables, drives and disables as its header promises, in joint units, and never brings a
 // drive back that left by itself.
 // Method: the drive's frames are written by hand, byte for byte, and the frames that come out are read.

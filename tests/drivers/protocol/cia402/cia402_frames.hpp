@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Frames of a CiA 402 drive for tests, written by hand: nothing here uses the codec.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a drive is told exactly what the script says, one question at a time, whatever it answers or leaves unanswered.
 // Method: the whole conversation written out by hand; answers made by hand, dropped, delayed, refused.
 #include "drivers/protocol/cia402/cia402_setup.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a setpoint becomes the number that the mode's header table promises. Method: numbers worked out by hand;
 // setpoints that are not numbers.
 #include "drivers/protocol/cia402/cia402_target.hpp"

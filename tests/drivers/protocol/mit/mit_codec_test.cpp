@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the MIT codec is exact to the byte, and nothing that arrives can hurt it.
 // Method: published vectors worked out from the formulas in the protocol's sources, properties over random commands,
 // and frames of every kind and length thrown at the decoder.

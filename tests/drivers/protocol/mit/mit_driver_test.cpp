@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the driver enables, drives and disables as its header promises, in joint units.
 // Method: the drive's replies and answers are written by hand, byte for byte, and the frames that come out are read.
 #include "drivers/protocol/mit/mit_driver.hpp"

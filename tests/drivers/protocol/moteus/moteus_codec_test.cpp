@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the register codec is exact to the byte for every value type, stays inside its buffers, and nothing that
 // arrives can hurt it. Method: the vectors of mjbots/moteus docs/protocol/can.md, step sizes of
 // docs/protocol/registers.md, a reader of the test's own, and random bytes thrown at the decoder.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the driver enables, drives and disables as its header promises, in joint units, and never asks for more torque,
 // or for longer, than allowed.
 // Method: the drive's replies are written by hand, byte for byte; commands are read by fixed offsets of their layout.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the CANSimple codec is exact to the byte, and nothing that arrives can hurt it.
 // Method: vectors from published layouts (ODriveArduino src/can_simple_messages.hpp) worked out by hand, a reader of
 // the test's own, and frames of every kind and length thrown at the decoder.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the RobStride codec is exact to the byte, and nothing that arrives can hurt it.
 // Method: bytes worked out by hand from the formulas of the protocol's description, properties over random commands and
 // models, and frames of every kind and length thrown at the decoders.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the driver sets its drive up, enables, drives and stops it as its header promises, in joint units.
 // Method: the drive's words are written by hand, byte for byte, and the frames that come out are read.
 #include "drivers/protocol/robstride/robstride_driver.hpp"

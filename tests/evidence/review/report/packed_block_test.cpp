@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what a page unpacks is what was packed, to half a step of 1/65534 of a column's range. Method: the format read
 // back here from its description, base64 and byte planes by hand.
 #include "evidence/review/report/packed_block.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the report says "none" of a whole record only; where the record ends before the run it says so, in the terminal
 // and in metrics.json, and tells the stop that other files know of. Method: the recorded demo, which stops once, with
 // its ticks cut at 20 places; a recording that its disk stopped; a recorder that was killed; a gap in between.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: the page gets the geometry that the robot's file has. Method: the committed robots.
 #include "evidence/review/report/robot_figure.hpp"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: a run's numbers stand beside another's, and differences have the right sign. Method: copies of the recorded
 // demo.
 #include "evidence/review/report/run_comparison.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: however long the run, the page stays small, shows the oldest command, and holds every tick where something went
 // wrong. Method: the recorded demo, whose two stalls are known, with so little room that it must be thinned out.
 #include "evidence/review/report/run_series.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: thinning out loses no spike and invents nothing. Method: hand-made ticks whose extremes, masks and counters are
 // known, gathered into buckets of ten.
 #include "evidence/review/report/sample_block.hpp"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // make_perfetto_trace FILE: exports the constructed trace for perfetto_check.mjs; it also begins in the middle and has
 // a publication missing, as a flight recorder's does.
 #include <fstream>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: an export that tells other ages than the records is found out. Method: traces exported by the exporter's own
 // code from known records, read back; then one record is changed, one span taken away, one line cut.
 #include "evidence/review/trace/otlp_check.hpp"

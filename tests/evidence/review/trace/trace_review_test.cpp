@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goal: what `takt trace review` concludes from a trace is right, whatever part of the story the trace holds.
 // Method: events are constructed, as the reader would hand them out, for a robot whose every instant is known
 // (trace_story.hpp). Then single events are left out, moved or falsified, and the review must say exactly that.

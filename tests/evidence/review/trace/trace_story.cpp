@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/evidence/review/trace/trace_story.hpp"
 
 #include <algorithm>

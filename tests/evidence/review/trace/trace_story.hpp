@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A trace whose every instant is known, as events and as the records of the same run: a tick each millisecond that
 // works 150 us; each twentieth publishes an observation after 100 us, whose oldest sample is 300 us older than the tick
 // and which a camera makes 15 ms older; a policy host begins 200 us later, infers 400 us, and the next tick uses the
