@@ -33,7 +33,7 @@ def expanded(expr, rules):
     """Without recording rules, which only a running Prometheus evaluates; of one robot, so without their selectors."""
     while found := re.search(r"(takt:[\w:]+)(\{[^}]*\})?", expr):
         expr = expr[: found.start()] + f"({rules[found[1]]})" + expr[found.end() :]
-    return expr.replace("$robot", ".*")
+    return expr.replace("$robot", ".*").replace("$instance", ".*")
 
 
 class Prometheus:
@@ -70,8 +70,8 @@ class Prometheus:
 
 
 def legend(target, labels):
-    text = target.get("legendFormat") or "{{" + "}} {{".join(k for k in labels if k not in ("robot", "__name__")) + "}}"
-    return re.sub(r"\{\{\s*(\w+)\s*\}\}", lambda m: "" if m[1] == "robot" else labels.get(m[1], ""), text).strip() or "value"
+    text = target.get("legendFormat") or "{{" + "}} {{".join(k for k in labels if k not in ("robot", "instance", "__name__")) + "}}"
+    return re.sub(r"\{\{\s*(\w+)\s*\}\}", lambda m: "" if m[1] in ("robot", "instance") else labels.get(m[1], ""), text).strip() or "value"
 
 
 def in_unit(value, unit):
