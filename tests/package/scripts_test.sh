@@ -95,12 +95,21 @@ wants=$root/etc/systemd/system/multi-user.target.wants
 mkdir -p "$wants" "$root/run/takt" "$root/var/lib/takt/runs/one"
 ln -s /usr/lib/systemd/system/takt.target "$wants/takt.target"
 ln -s /usr/lib/systemd/system/ssh.service "$wants/ssh.service"
+ln -s /usr/lib/systemd/system/taktile-hvac.service "$wants/taktile-hvac.service"
+for unit in "$scripts"/../../systemd/takt*.service; do
+  name=$(basename "$unit")
+  ln -s "/usr/lib/systemd/system/$name" "$wants/${name/@/@one}"
+done
 run postrm remove
 [ -e "$root/etc/takt/robot" ] || [ -L "$root/etc/takt/robot" ] || fail "removing is not purging"
 run postrm purge
-[ ! -e "$root/etc/takt" ] && [ ! -e "$root/run/takt" ] && [ ! -L "$wants/takt.target" ] || fail "purging leaves something"
+[ ! -e "$root/run/takt" ] && [ "$(ls "$wants")" = "$(printf 'ssh.service\ntaktile-hvac.service')" ] || fail "purging leaves, or takes, a unit: $(ls "$wants")"
+[ "$(cd "$root/etc/takt" && find . -type f)" = ./deployments/obsolete/robot.yaml ] && [ ! -L "$root/etc/takt/robot" ] ||
+  fail "purging takes what a person deployed, or leaves what is ours: $(find "$root/etc/takt")"
+rm -r "$root/etc/takt/deployments/obsolete"
+run postrm purge
+[ ! -e "$root/etc/takt" ] || fail "purging leaves something of ours: $(find "$root/etc/takt")"
 [ -d "$root/var/lib/takt/runs/one" ] || fail "purging removed recorded runs"
-[ -L "$wants/ssh.service" ] || fail "purging removed what is not ours"
 rm -r "$root/var/lib/takt/runs/one"
 run postrm purge
 [ ! -e "$root/var/lib/takt" ] || fail "without runs nothing should be left"
