@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <fstream>
 #include <numbers>
+#include <sstream>
 
 #include "config/document.hpp"
 #include "config/drive_presets.hpp"
@@ -404,6 +405,23 @@ TEST(Migrations, OfARecordAreMadeAndOfARobotAreSaid) {
   ASSERT_EQ(recorded->stops.size(), 1U);
   EXPECT_EQ(recorded->stops[0].how, StopHow::hold);
   EXPECT_FALSE(parse_recorded(with("robot: small", "robot: small\nno_such_key: 1"), "r"));
+}
+
+// Goal: what a robot file said in an earlier version is taken, or each complaint names what to write instead. Method:
+// config/arm6.yaml as six past commits had it.
+TEST(Migrations, RobotFilesOfPastCommitsAreTakenOrTold) {
+  int files = 0;
+  for (const auto& file : std::filesystem::directory_iterator("tests/config/past")) {
+    ++files;
+    const auto robot = load(file.path().string());
+    if (robot) continue;
+    std::istringstream lines(robot.error());
+    for (std::string line; std::getline(lines, line);)
+      EXPECT_TRUE(line.contains("gone since version") || line.contains("; write ") || line.contains("; add it"))
+          << line;
+    EXPECT_FALSE(robot.error().contains("known here")) << robot.error();
+  }
+  EXPECT_EQ(files, 6);
 }
 
 // Goal: no change of this house changes a robot's hash unseen. Where a default changes, or what a text looks like,
