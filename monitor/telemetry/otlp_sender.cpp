@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "monitor/telemetry/otlp_sender.hpp"
 
+#include <curl/curl.h>
 #include <fmt/format.h>
-#include <httplib.h>
 #include <signal.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <cctype>
 #include <charconv>
+#include <memory>
 #include <random>
 
 namespace takt::monitor {
@@ -15,8 +17,9 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr auto kRequestTimeout = std::chrono::seconds(10);
-constexpr auto kLastWords = milliseconds(2000);
+constexpr milliseconds kRequestTimeout{5000};  // from the first byte sent to the last one received
+constexpr milliseconds kLastWords{2000};
+constexpr std::size_t kMostAnswerBytes = std::size_t{64} << 10U;  // of head and body together
 
 std::string_view path_of(OtlpSignal signal) {
   switch (signal) {
@@ -30,21 +33,43 @@ std::string_view path_of(OtlpSignal signal) {
   return "";
 }
 
-bool is_temporary(int status) {
+bool is_temporary(long status) {
   return status == 429 || status == 502 || status == 503 || status == 504;
 }
 
-// Seconds; the header's other form, a date, is not said by receivers of telemetry.
-milliseconds retry_after(const httplib::Response& response) {
-  const std::string text = response.get_header_value("Retry-After");
-  unsigned seconds = 0;
-  std::from_chars(text.data(), text.data() + text.size(), seconds);
-  return milliseconds(std::int64_t{1000} * std::min(seconds, 600U));
+// What a receiver answers.
+struct Exchange {
+  std::size_t bytes = 0;
+  milliseconds retry_after{0};  // 0: not said
+};
+
+bool is_named(std::string_view line, std::string_view name) {
+  return line.size() > name.size() && std::ranges::equal(line.substr(0, name.size()), name, [](char one, char other) {
+           return std::tolower(static_cast<unsigned char>(one)) == other;
+         });
 }
 
-// httplib's client looks whether the receiver is there, then writes without MSG_NOSIGNAL: one that hangs up in between
-// would end the monitor. A blocked SIGPIPE is dropped with the thread it was meant for; the write says EPIPE. Calling
-// thread only.
+std::size_t take_bytes(const char* /*data*/, std::size_t size, std::size_t count, void* exchange) {
+  auto& all = static_cast<Exchange*>(exchange)->bytes;
+  all += size * count;
+  return all <= kMostAnswerBytes ? size * count : 0;  // 0: ends the transfer
+}
+
+// Retry-After in seconds; its other form, a date, is not said by receivers of telemetry.
+std::size_t take_header(const char* data, std::size_t size, std::size_t count, void* exchange) {
+  constexpr std::string_view kName = "retry-after:";
+  const std::string_view line(data, size * count);
+  if (is_named(line, kName)) {
+    const std::string_view text = line.substr(std::min(line.find_first_not_of(' ', kName.size()), line.size()));
+    unsigned seconds = 0;
+    std::from_chars(text.data(), text.data() + text.size(), seconds);
+    static_cast<Exchange*>(exchange)->retry_after = milliseconds(std::int64_t{1000} * std::min(seconds, 600U));
+  }
+  return take_bytes(data, size, count, exchange);
+}
+
+// A write through TLS knows no MSG_NOSIGNAL: a receiver that hangs up would end the monitor. A blocked SIGPIPE is
+// dropped with the thread it was meant for; the write says EPIPE. Calling thread only.
 void survive_hang_ups() {
   sigset_t pipe;
   sigemptyset(&pipe);
@@ -52,21 +77,12 @@ void survive_hang_ups() {
   pthread_sigmask(SIG_BLOCK, &pipe, nullptr);
 }
 
-// Where the path begins: behind the host.
-std::size_t end_of_host(const std::string& endpoint) {
-  const std::size_t scheme = endpoint.find("://");
-  return std::min(endpoint.find('/', scheme == std::string::npos ? 0 : scheme + 3), endpoint.size());
-}
-
 }  // namespace
 
 OtlpSender::OtlpSender(const std::string& endpoint) : OtlpSender(endpoint, Patience{}) {}
 
-OtlpSender::OtlpSender(const std::string& endpoint, Patience patience)
-    : host_(endpoint.substr(0, end_of_host(endpoint))),
-      path_(endpoint.substr(end_of_host(endpoint))),
-      patience_(patience) {
-  while (path_.ends_with('/')) path_.pop_back();
+OtlpSender::OtlpSender(const std::string& endpoint, Patience patience) : endpoint_(endpoint), patience_(patience) {
+  while (endpoint_.ends_with('/')) endpoint_.pop_back();
   thread_ = std::thread([this] { send_until_closed(); });
 }
 
@@ -125,7 +141,7 @@ void OtlpSender::send_until_closed() {
       if (first_number_ == number) settle(answer);
       continue;
     }
-    if (said_ != answer.why) spdlog::warn("OTLP: {}: {}; trying again", host_, said_ = answer.why);
+    if (said_ != answer.why) spdlog::warn("OTLP: {}: {}; trying again", endpoint_, said_ = answer.why);
     const milliseconds jitter(std::uniform_int_distribution<std::int64_t>(0, delay.count() / 2)(random));
     wait(answer.wait.count() != 0 ? answer.wait : delay / 2 + jitter);
     delay = std::min(delay * 2, patience_.longest);
@@ -137,7 +153,7 @@ void OtlpSender::send_until_closed() {
 void OtlpSender::settle(const Answer& answer) {
   ++(answer.outcome == Outcome::delivered ? deliveries_.delivered : deliveries_.refused);
   if (answer.outcome == Outcome::refused && said_ != answer.why)
-    spdlog::error("OTLP: {} refuses what it is sent: {}", host_, said_ = answer.why);
+    spdlog::error("OTLP: {} refuses what it is sent: {}", endpoint_, said_ = answer.why);
   waiting_bytes_ -= waiting_.front().body.size();
   waiting_.pop_front();
   ++first_number_;
@@ -156,16 +172,33 @@ void OtlpSender::send_rest() {
 }
 
 OtlpSender::Answer OtlpSender::try_once(const Request& request, milliseconds limit) const {
-  httplib::Client client(host_);
-  client.set_connection_timeout(limit);
-  client.set_read_timeout(limit);
-  client.set_write_timeout(limit);
-  const std::string path = path_ + std::string(path_of(request.signal));
-  const auto result = client.Post(path, request.body, "application/json");
-  if (!result) return {Outcome::later, httplib::to_string(result.error())};
-  if (result->status >= 200 && result->status < 300) return {Outcome::delivered};
-  const std::string why = fmt::format("HTTP {} for {}", result->status, path);
-  if (is_temporary(result->status)) return {Outcome::later, why, retry_after(*result)};
+  const std::unique_ptr<CURL, decltype(&curl_easy_cleanup)> handle(curl_easy_init(), curl_easy_cleanup);
+  curl_slist* said = curl_slist_append(nullptr, "Content-Type: application/json");
+  said = curl_slist_append(said, "Expect:");
+  const std::unique_ptr<curl_slist, decltype(&curl_slist_free_all)> headers(said, curl_slist_free_all);
+  Exchange exchange;
+  CURL* const transfer = handle.get();
+  const std::string path(path_of(request.signal));
+  curl_easy_setopt(transfer, CURLOPT_URL, (endpoint_ + path).c_str());
+  curl_easy_setopt(transfer, CURLOPT_PROTOCOLS_STR, "http,https");
+  curl_easy_setopt(transfer, CURLOPT_NOPROXY, "*");
+  curl_easy_setopt(transfer, CURLOPT_NOSIGNAL, 1L);
+  curl_easy_setopt(transfer, CURLOPT_TIMEOUT_MS, static_cast<long>(limit.count()));
+  curl_easy_setopt(transfer, CURLOPT_HTTPHEADER, headers.get());
+  curl_easy_setopt(transfer, CURLOPT_POSTFIELDSIZE_LARGE, static_cast<curl_off_t>(request.body.size()));
+  curl_easy_setopt(transfer, CURLOPT_POSTFIELDS, request.body.data());
+  curl_easy_setopt(transfer, CURLOPT_HEADERFUNCTION, take_header);
+  curl_easy_setopt(transfer, CURLOPT_HEADERDATA, &exchange);
+  curl_easy_setopt(transfer, CURLOPT_WRITEFUNCTION, take_bytes);
+  curl_easy_setopt(transfer, CURLOPT_WRITEDATA, &exchange);
+  const CURLcode result = curl_easy_perform(transfer);
+  if (exchange.bytes > kMostAnswerBytes) return {Outcome::refused, "it answers with more than 64 KiB"};
+  if (result != CURLE_OK) return {Outcome::later, curl_easy_strerror(result)};
+  long status = 0;
+  curl_easy_getinfo(transfer, CURLINFO_RESPONSE_CODE, &status);
+  if (status >= 200 && status < 300) return {Outcome::delivered};
+  const std::string why = fmt::format("HTTP {} for {}", status, path);
+  if (is_temporary(status)) return {Outcome::later, why, exchange.retry_after};
   return {Outcome::refused, why};
 }
 

@@ -3,7 +3,8 @@
 //
 // A receiver that is away or overloaded (no connection, 429, 502, 503, 504) is tried again with exponential backoff and
 // jitter, or when its Retry-After says; any other refusal loses the request. What waits is bounded: the oldest gives
-// way and is counted. Thread rule: construct, post() and destroy on one thread.
+// way and is counted. An answer may have 64 KiB and take 5 s; no redirect is followed. Thread rule: construct, post()
+// and destroy on one thread.
 #pragma once
 
 #include <chrono>
@@ -32,7 +33,7 @@ class OtlpSender {
   // `endpoint`: scheme://host[:port][/path]; /v1/traces, /v1/metrics and /v1/logs are put behind it.
   explicit OtlpSender(const std::string& endpoint);
   OtlpSender(const std::string& endpoint, Patience patience);
-  // Tries each waiting request once more, for two seconds at most.
+  // After the request under way, tries each that waits once more, for two seconds at most.
   ~OtlpSender();
   OtlpSender(const OtlpSender&) = delete;
   OtlpSender& operator=(const OtlpSender&) = delete;
@@ -58,7 +59,7 @@ class OtlpSender {
   void settle(const Answer& answer);
   void wait(std::chrono::milliseconds limit);
 
-  std::string host_, path_;
+  std::string endpoint_;
   Patience patience_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;

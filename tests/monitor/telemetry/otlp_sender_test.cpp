@@ -119,6 +119,38 @@ TEST(OtlpSender, TriesAgainWhenTheReceiverHangsUp) {
   EXPECT_EQ(sender.deliveries().delivered + sender.deliveries().refused, 0U);
 }
 
+// Goal: a receiver cannot fill the monitor's memory. Method: it answers with a body, and with headers, without end,
+// until the sender hangs up; what it took is bounded by the sockets' buffers, and the request counts as refused.
+TEST(OtlpSender, HangsUpOnAnAnswerWithoutEnd) {
+  for (const std::string endless : {"HTTP/1.1 200 OK\r\nContent-Length: 1000000000\r\n\r\n", "HTTP/1.1 200 OK\r\n"}) {
+    const int listener = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t length = sizeof address;
+    ASSERT_EQ(bind(listener, reinterpret_cast<sockaddr*>(&address), length), 0);
+    ASSERT_EQ(listen(listener, 8), 0);
+    ASSERT_EQ(getsockname(listener, reinterpret_cast<sockaddr*>(&address), &length), 0);
+    OtlpSender sender("http://127.0.0.1:" + std::to_string(ntohs(address.sin_port)), kImpatient);
+    sender.post(OtlpSignal::traces, "{}");
+    const int accepted = accept(listener, nullptr, nullptr);
+    std::string line;
+    while (line.size() < 2000) line += "X-More: and more\r\n";
+    std::size_t sent = 0;
+    constexpr std::size_t kFarTooMuch = std::size_t{100} << 20U;
+    bool is_there = send(accepted, endless.data(), endless.size(), MSG_NOSIGNAL) > 0;
+    while (is_there && sent < kFarTooMuch) {
+      const ssize_t wrote = send(accepted, line.data(), line.size(), MSG_NOSIGNAL);
+      is_there = wrote > 0;
+      sent += is_there ? static_cast<std::size_t>(wrote) : 0;
+    }
+    EXPECT_LT(sent, kFarTooMuch);
+    while (sender.deliveries().refused == 0) std::this_thread::yield();
+    close(accepted);
+    close(listener);
+  }
+}
+
 TEST(OtlpSender, LastWordsAreSentBeforeItEnds) {
   Receiver receiver([](std::size_t) { return 200; });
   {
