@@ -119,7 +119,7 @@ int Supervisor::run() {
   std::printf("%s %s\n", recorded ? "run folder:" : "no run folder was written; logs:",
               recorded ? options_.place.run_directory.c_str() : logs.c_str());
   tell_incident(end);
-  if (end.exit_code == kExitOk && is_missed) return kExitFailed;
+  if (end.exit_code == kExitOk && (is_missed || (was_recorded_ && !recorded))) return kExitFailed;
   return end.exit_code == kExitOk ? exit_code_of_the_dead() : end.exit_code;
 }
 
@@ -280,6 +280,7 @@ Supervisor::Outcome Supervisor::follow() {
 
 void Supervisor::see(const OperatorReply& reply) {
   const StatusSnapshot& status = reply.status;
+  was_recorded_ |= status.tick.recorded_through != 0;
   answered_at_ = now();
   if (reply.incident.stands != 0 && reply.incident.tick != incident_.tick) display_.note(incident_text(reply.incident));
   incident_ = reply.incident;

@@ -99,8 +99,9 @@ class Supervisor {
   Duration made_at_;
   std::size_t next_event_ = 0;
   std::optional<Duration> ready_at_, tracking_since_, stopped_at_;
-  Duration answered_at_;   // the newest status
-  IncidentNote incident_;  // as of then
+  Duration answered_at_;       // the newest status
+  bool was_recorded_ = false;  // at some instant, in a run folder
+  IncidentNote incident_;      // as of then
   std::set<ProcessName> reported_dead_, killed_by_script_;
   std::vector<std::string> never_happened_;  // sentences
   std::set<pid_t> noted_ended_;

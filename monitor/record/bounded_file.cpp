@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
@@ -69,7 +70,23 @@ void BoundedFile::reopen(std::uint64_t max_bytes) {
   max_bytes_ = max_bytes;
 }
 
+bool BoundedFile::is_where_it_was() {
+  struct stat written {
+  }, named{};
+  if (::fstat(fd_, &written) != 0) return true;
+  const bool is_named =
+      ::lstat(path_.c_str(), &named) == 0 && named.st_dev == written.st_dev && named.st_ino == written.st_ino;
+  const auto there = static_cast<std::uint64_t>(written.st_size);
+  if (is_named && there >= size_) return true;
+  if (failure_.empty())
+    failure_ = is_named ? fmt::format("{} was cut by another program", path_)
+                        : fmt::format("{} is gone: another program deleted, renamed or replaced it", path_);
+  cut_back_to(std::min(there, synced_));
+  return false;
+}
+
 bool BoundedFile::sync() {
+  if (!is_where_it_was()) return false;
   int error = 0;
   do error = ::fdatasync(fd_) == 0 ? 0 : errno;
   while (error == EINTR);

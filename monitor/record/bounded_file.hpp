@@ -3,8 +3,9 @@
 //
 // append() writes all of a piece or none: after a short write (disk full, RLIMIT_FSIZE, limit reached) the file is cut
 // back to the last whole piece, failure() holds one sentence, and every later append is refused. sync() likewise: what
-// the medium did not take (quota, I/O error at write-back) is cut off, back to what an earlier sync() brought there.
-// Nothing here blocks longer than the file system does. Thread rule: one thread.
+// the medium did not take (quota, I/O error at write-back) is cut off, back to what an earlier sync() brought there;
+// and a file that another program deleted, renamed, replaced or cut takes no more. Nothing here blocks longer than the
+// file system does. Thread rule: one thread.
 #pragma once
 
 #include <cstddef>
@@ -46,6 +47,7 @@ class BoundedFile {
   BoundedFile(std::string path, int fd, std::uint64_t max_bytes)
       : path_(std::move(path)), fd_(fd), max_bytes_(max_bytes) {}
   void cut_back_to(std::uint64_t size);
+  bool is_where_it_was();  // false: failure() says what became of it
   std::string path_;
   int fd_;
   std::uint64_t max_bytes_;

@@ -16,6 +16,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 
 #include "drivers/bus/candump.hpp"
 #include "evidence/review/replay.hpp"
@@ -331,6 +332,36 @@ TEST_P(RefusingMedium, StopsRecordingWithADeclaredLoss) {
 
 INSTANTIATE_TEST_SUITE_P(OfEveryFile, RefusingMedium, testing::Values("ticks.mcap", "can.log", "transitions.jsonl"),
                          [](const auto& row) { return std::string(row.param, std::strcspn(row.param, ".")); });
+
+// Goal: a robot does not move on while its record goes where no reader finds it. Method: another program deletes,
+// renames, replaces or cuts each file, and renames the folder, while the recorder writes; it stops and says so.
+TEST_F(RecorderTest, AFileThatIsTakenAwayStopsRecording) {
+  namespace fs = std::filesystem;
+  const std::pair<const char*, std::function<void(const std::string&)>> deeds[] = {
+      {"is gone", [](const std::string& file) { fs::remove(file); }},
+      {"is gone", [](const std::string& file) { fs::rename(file, file + ".kept"); }},
+      {"is gone", [](const std::string& file) { fs::rename(file, file + ".kept"), std::ofstream(file) << "other"; }},
+      {"is gone",
+       [](const std::string& file) {
+         const std::string folder = fs::path(file).parent_path().string();
+         fs::rename(folder, folder + "-moved");
+       }},
+      {"was cut", [](const std::string& file) { fs::resize_file(file, 3); }}};
+  int run = 0;
+  for (const char* const name : {"ticks.mcap", "can.log", "transitions.jsonl"}) {
+    for (const auto& [word, deed] : deeds) {
+      auto stream = attach();
+      const std::string folder = path("run" + std::to_string(++run));
+      const auto recorder = start(folder);
+      record(stream, *recorder, 1'000);
+      if (std::string_view(word) == "was cut" && fs::file_size(folder + "/" + name) <= 3) continue;
+      deed(folder + "/" + name);
+      record(stream, *recorder, 1'500);
+      EXPECT_NE(recorder->stop_reason().find(word), std::string::npos) << name << ": " << recorder->stop_reason();
+      EXPECT_EQ(recorder->written_through(), 0U) << name;
+    }
+  }
+}
 
 // Every tick is on the medium, the words that close the file are not.
 TEST_F(RecorderTest, ARunThatCannotBeClosedIsNotComplete) {
