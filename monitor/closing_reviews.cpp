@@ -23,8 +23,7 @@ std::expected<void, std::string> ClosingReviews::begin(const std::string& run_fo
   const std::array<char*, 4> arguments{program.data(), option.data(), folder.data(), nullptr};
   sigset_t endings;
   sigemptyset(&endings);
-  sigaddset(&endings, SIGTERM);
-  sigaddset(&endings, SIGINT);
+  for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&endings, number);
   posix_spawnattr_t attributes;
   posix_spawnattr_init(&attributes);
   posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK);

@@ -58,8 +58,7 @@ struct Options {
 void stop_on_signals() {
   struct sigaction action {};
   action.sa_handler = [](int) { g_stop = true; };
-  sigaction(SIGTERM, &action, nullptr);
-  sigaction(SIGINT, &action, nullptr);
+  for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaction(number, &action, nullptr);
   action.sa_handler = SIG_IGN;  // a file at its size limit is an error of the write, not the end of the process
   sigaction(SIGXFSZ, &action, nullptr);
 }

@@ -21,7 +21,7 @@
 namespace takt::policy_host {
 
 // The whole program: command line, refusals on stderr, signals; see its --help. Returns the exit code: 0 ended by
-// SIGINT or SIGTERM (or --help), 64 usage, 65 configuration or policy refused.
+// SIGINT, SIGTERM or SIGHUP (or --help), 64 usage, 65 configuration or policy refused.
 // Errors: an exception that leaves the engine ends the process with one line and 70; the executive then degrades and
 // stops the robot.
 // Thread rule: once per process, on the main thread, which is also the one that loads, infers and destroys the engine;

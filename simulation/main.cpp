@@ -52,8 +52,7 @@ static_assert(std::atomic<bool>::is_always_lock_free);
 void stop_on_signals() {
   struct sigaction action {};
   action.sa_handler = [](int) { g_stop = true; };
-  sigaction(SIGTERM, &action, nullptr);
-  sigaction(SIGINT, &action, nullptr);
+  for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaction(number, &action, nullptr);
 }
 
 int refuse(int exit_code, const std::string& sentence) {

@@ -75,7 +75,7 @@ int run_program(const char* program, CLI::App& app, int argc, char** argv, Run r
   }
   struct sigaction action {};
   action.sa_handler = [](int) { g_stop = true; };
-  for (const int number : {SIGTERM, SIGINT}) sigaction(number, &action, nullptr);
+  for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaction(number, &action, nullptr);
   try {
     log::log_to_stderr(program);
     return run();

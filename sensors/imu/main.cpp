@@ -55,7 +55,7 @@ sigset_t stop_on_signals() {
   action.sa_handler = [](int) { g_stop = true; };
   sigset_t ours, before;
   sigemptyset(&ours);
-  for (const int number : {SIGTERM, SIGINT}) {
+  for (const int number : {SIGTERM, SIGINT, SIGHUP}) {
     sigaction(number, &action, nullptr);
     sigaddset(&ours, number);
   }

@@ -43,7 +43,7 @@ static_assert(std::atomic<bool>::is_always_lock_free);
 void stop_on_signals() {
   struct sigaction action {};
   action.sa_handler = [](int) { g_stop = true; };
-  for (const int number : {SIGTERM, SIGINT}) sigaction(number, &action, nullptr);
+  for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaction(number, &action, nullptr);
 }
 
 int refuse(int exit_code, const std::string& sentence) {

@@ -117,6 +117,18 @@ TEST(MonitorFaults, KilledMonitorStopsTheRobotAndMayComeBack) {
   arm_and_track(robot);
 }
 
+// Goal: who closes the terminal ends the recorder as the supervisor does: the run folder is whole. Method: SIGHUP, while
+// the robot moves.
+TEST(MonitorFaults, ATerminalThatIsClosedLeavesAWholeFolder) {
+  RunningRobot robot;
+  const Child policy = robot.start_policy_host();
+  arm_and_track(robot);
+  robot.monitor().signal(SIGHUP);
+  EXPECT_EQ(robot.monitor().wait(std::chrono::seconds(20)), 0) << robot.logs();
+  EXPECT_NE(text_of(robot.run_directory() + "/manifest.json").find("\"complete\": true"), std::string::npos);
+  EXPECT_TRUE(std::filesystem::exists(robot.run_directory() + "/ticks.mcap"));
+}
+
 // Stopped, not killed: its connection stays, its words end. What the tick ring holds meanwhile is recorded later.
 TEST(MonitorFaults, AFrozenMonitorStopsTheRobotAndNoTickIsLost) {
   RunningRobot robot;
