@@ -52,8 +52,9 @@ std::expected<void, Refusal> go_back(deploy::Store& store, const DeployedRobot& 
   if (previous.empty())
     return refused("nothing was deployed before: the new deployment stays, and nothing vouches for it");
   if (const auto back = store.use(previous); !back) return refused("going back: " + back.error());
-  const auto robot = config::load(store.robot_file(previous));
-  const deploy::WantedHosts wanted = robot ? wanted_hosts(*robot) : deploy::WantedHosts{.policy = false};
+  deploy::WantedHosts wanted{.policy = false};
+  if (const auto file = store.robot_file(previous); file)
+    if (const auto robot = config::load(*file); robot) wanted = wanted_hosts(*robot);
   if (const auto restarted = restart_and_wait(place, wanted); !restarted)
     return refused(fmt::format("{} is in use again: {}", previous, restarted.error().sentence));
   return {};

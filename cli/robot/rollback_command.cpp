@@ -27,9 +27,11 @@ std::expected<int, Refusal> roll_back(const RollbackOptions& options) {
     return std::unexpected(Refusal{
         kExitFailed,
         fmt::format("nothing was in use before {}; --to names any folder of {}/deployments", from, options.store)});
+  const auto file = store->robot_file(to);
+  if (!file) return std::unexpected(Refusal{kExitFailed, file.error()});
   if (const auto disarmed = require_disarmed({options.place.runtime_directory}); !disarmed)
     return std::unexpected(disarmed.error());
-  const auto robot = config::load(store->robot_file(to));
+  const auto robot = config::load(*file);
   if (!robot) return std::unexpected(Refusal{kExitFailed, robot.error()});
   catch_interruptions();
   if (const auto used = store->use(to); !used) return std::unexpected(Refusal{kExitFailed, used.error()});

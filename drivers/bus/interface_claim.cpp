@@ -30,7 +30,7 @@ FileHandle open_socket() {
   return FileHandle(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
 }
 
-// " (pid 412)"; empty when it does not take our call.
+// " (pid 412, uid 998)"; empty when it does not take our call.
 std::string holder_of(const AbstractName& name) {
   const FileHandle call = open_socket();
   ucred holder{};
@@ -38,7 +38,7 @@ std::string holder_of(const AbstractName& name) {
   if (::connect(call.get(), reinterpret_cast<const sockaddr*>(&name.address), name.size) != 0 ||
       ::getsockopt(call.get(), SOL_SOCKET, SO_PEERCRED, &holder, &size) != 0)
     return {};
-  return " (pid " + std::to_string(holder.pid) + ")";
+  return " (pid " + std::to_string(holder.pid) + ", uid " + std::to_string(holder.uid) + ")";
 }
 
 }  // namespace

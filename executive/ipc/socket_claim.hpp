@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Taking possession of a socket path: the directory is made, a dead predecessor's socket is replaced, a live one is
-// respected. Two servers that start at once cannot both win: the directory is locked while one of them looks and binds.
-// Thread rule: set-up only.
+// respected. Two servers that start at once cannot both win: `.lock` in the directory, which its owner alone may open,
+// is locked while one of them looks and binds. Thread rule: set-up only.
 #pragma once
 
 #include <sys/types.h>

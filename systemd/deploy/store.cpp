@@ -126,9 +126,14 @@ Done in_turn(Steps&&... steps) {
   return done;
 }
 
-bool is_name(const std::string& name) {
+Done check_name(const std::string& name) {
   constexpr const char* kAllowed = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-.";
-  return !name.empty() && name.front() != '.' && name.find_first_not_of(kAllowed) == std::string::npos;
+  constexpr std::size_t kLongest = 100;
+  const bool fits = !name.empty() && name.size() <= kLongest && name.front() != '.' &&
+                    name.find_first_not_of(kAllowed) == std::string::npos;
+  if (fits) return {};
+  return std::unexpected(fmt::format("`{}` is no name for a deployment: write at most {} letters, digits, _ - .",
+                                     name.substr(0, kLongest), kLongest));
 }
 
 }  // namespace
@@ -141,8 +146,10 @@ std::expected<Store, std::string> Store::open(const std::string& folder, std::fu
     if (error) return cannot("made", made, error.message());
     if (const Done readable = readable_by_all(made); !readable) return std::unexpected(readable.error());
   }
-  ipc::Descriptor lock(::open((folder + "/deployments").c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (!lock.is_open()) return cannot("opened", folder + "/deployments", std::strerror(errno));
+  // Its owner alone may open it: a lock that others can hold keeps a robot from its way back.
+  const std::string lock_file = folder + "/.lock";
+  ipc::Descriptor lock(::open(lock_file.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, S_IRUSR | S_IWUSR));
+  if (!lock.is_open()) return cannot("opened", lock_file, std::strerror(errno));
   if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0)
     return std::unexpected(fmt::format("another takt deploy or rollback works on {}: wait until it ends", folder));
   return Store(folder, std::move(lock), std::move(on_step));
@@ -156,8 +163,11 @@ std::string Store::previous() const {
   return link_name(folder_ + "/robot/previous");
 }
 
-std::string Store::robot_file(const std::string& name) const {
-  return deployments() + "/" + name + "/robot.yaml";
+std::expected<std::string, std::string> Store::robot_file(const std::string& name) const {
+  if (const Done named = check_name(name); !named) return std::unexpected(named.error());
+  std::string file = deployments() + "/" + name + "/robot.yaml";
+  if (fs::exists(file)) return file;
+  return std::unexpected(fmt::format("{}/{} holds no robot file: `{}` was never deployed", deployments(), name, name));
 }
 
 bool Store::is_proven(const std::string& name) const {
@@ -200,8 +210,7 @@ Done Store::fill(const std::string& staging, const Newcomer& newcomer) {
 
 Done Store::add(const Newcomer& newcomer) {
   const std::string folder = deployments() + "/" + newcomer.name;
-  if (!is_name(newcomer.name))
-    return std::unexpected(fmt::format("`{}` is no name for a deployment: letters, digits, _ - . only", newcomer.name));
+  if (Done named = check_name(newcomer.name); !named) return named;
   if (fs::exists(folder)) return std::unexpected(fmt::format("{} exists already: choose another --name", folder));
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(deployments(), error))
@@ -232,9 +241,7 @@ Done Store::link(const std::string& target, const std::string& path) {
 }
 
 Done Store::use(const std::string& name) {
-  if (!fs::exists(robot_file(name)))
-    return std::unexpected(
-        fmt::format("{} holds no robot file: `{}` was never deployed", deployments() + "/" + name, name));
+  if (const auto file = robot_file(name); !file) return std::unexpected(file.error());
   std::error_code error;
   const std::string robot = folder_ + "/robot";
   if (fs::exists(fs::symlink_status(robot, error)) && !fs::is_symlink(robot, error))

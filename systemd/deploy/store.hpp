@@ -25,7 +25,7 @@ namespace takt::deploy {
 
 struct Newcomer {
   const config::RobotConfig& robot;  // loaded, its policy readable
-  std::string name;                  // of the folder: a-z A-Z 0-9 _ - .
+  std::string name;                  // of the folder: at most 100 of a-z A-Z 0-9 _ - .
   std::string runs_folder;           // record.directory of the copy, whatever the file says
   bool simulated = false;
 };
@@ -41,8 +41,8 @@ class Store {
   // What that one replaced; empty: nothing, or it is gone.
   [[nodiscard]] std::string previous() const;
   [[nodiscard]] bool is_proven(const std::string& name) const;
-  // Of one deployment's robot file.
-  [[nodiscard]] std::string robot_file(const std::string& name) const;
+  // Of one deployment. Refused: what is no name, and what was never deployed.
+  [[nodiscard]] std::expected<std::string, std::string> robot_file(const std::string& name) const;
 
   // Copies robot file and policy into a folder of their own. Not in use yet.
   std::expected<void, std::string> add(const Newcomer& newcomer);

@@ -5,6 +5,7 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -101,6 +102,19 @@ TEST_F(Rendezvous, ReplacesADeadServersSocketButRespectsALiveOne) {
   ASSERT_FALSE(second);
   EXPECT_TRUE(contains(second.error(), "another server is live at " + path_)) << second.error();
   EXPECT_TRUE(attach(path_, hello_of(Role::policy), kTimeout)) << "the first server was disturbed";
+}
+
+// Goal: whoever may open the directory keeps no server from starting. Method: the directory is locked, as a process of
+// the policy's group could do it for ever; the lock in use is its owner's alone.
+TEST_F(Rendezvous, ALockOnTheDirectoryKeepsNoServerFromStarting) {
+  std::filesystem::create_directories(directory_ / "run/arm");
+  const Descriptor held(open((directory_ / "run/arm").c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  ASSERT_EQ(flock(held.get(), LOCK_EX | LOCK_NB), 0);
+  const ServerThread server(path_, admit_all());
+  EXPECT_TRUE(attach(path_, hello_of(Role::policy), kTimeout));
+  struct stat status {};
+  ASSERT_EQ(lstat((directory_ / "run/arm/.lock").c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777, 0600U);
 }
 
 TEST_F(Rendezvous, LeavesForeignFilesAndSuccessorsAlone) {

@@ -171,7 +171,7 @@ TEST_F(ExecutiveTest, AnInterfaceThatSomebodyHasIsRefusedWhateverTheRuntimeDirec
   ASSERT_TRUE(*claim) << claim->error();
   ExecutiveProcess refused = start();
   EXPECT_EQ(refused.wait(), 71);
-  EXPECT_THAT(refused.errors(), HasSubstr("lo: another process of Takt (pid " + std::to_string(getpid()) + ")"));
+  EXPECT_THAT(refused.errors(), HasSubstr("lo: another process of Takt (pid " + std::to_string(getpid()) + ", uid "));
   claim.reset();
   ExecutiveProcess later = start();
   EXPECT_EQ(later.wait(), 69) << later.errors();

@@ -4,7 +4,9 @@
 // is read afterwards as a unit would.
 #include "systemd/deploy/store.hpp"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -169,12 +171,28 @@ TEST_F(Deployments, WhatCannotBeIsRefusedInOneSentence) {
   auto store = Store::open(this->store()).value();
   EXPECT_FALSE(Store::open(this->store())) << "one at a time";
   EXPECT_NE(store.add(newcomer("one")).error().find("exists already"), std::string::npos);
-  for (const char* name : {"", "../x", "a/b", ".hidden", "a b"}) EXPECT_FALSE(store.add(newcomer(name))) << name;
+  for (const std::string& name : {std::string(), std::string("../x"), std::string("../.."), std::string("a/b"),
+                                  std::string(".hidden"), std::string("a b"), std::string(300, 'a')}) {
+    EXPECT_NE(store.add(newcomer(name)).error().find("no name for a deployment"), std::string::npos) << name;
+    EXPECT_NE(store.use(name).error().find("no name for a deployment"), std::string::npos) << name;
+  }
   EXPECT_NE(store.use("absent").error().find("never deployed"), std::string::npos);
   EXPECT_EQ(store.current(), "one");
   fs::remove(root_ + "/from/arm6_reach.onnx");
   EXPECT_FALSE(store.add(newcomer("two")));
   EXPECT_FALSE(fs::exists(this->store() + "/deployments/two"));
+}
+
+// Goal: a user who may read the store cannot block a deployment or the way back. Method: what everybody may open is
+// locked, as `flock -s` does it; the store's own lock is its owner's alone.
+TEST_F(Deployments, ALockThatAnyUserMayHoldBlocksNothing) {
+  deploy("one");
+  for (const std::string& folder : {store(), store() + "/deployments", store() + "/deployments/one"}) {
+    const ipc::Descriptor held(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    ASSERT_EQ(::flock(held.get(), LOCK_SH | LOCK_NB), 0);
+    EXPECT_TRUE(Store::open(store())) << folder;
+  }
+  EXPECT_EQ(fs::status(store() + "/.lock").permissions(), fs::perms::owner_read | fs::perms::owner_write);
 }
 
 TEST_F(Deployments, AFolderInTheLinksPlaceIsNotTouched) {
