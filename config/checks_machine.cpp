@@ -8,6 +8,7 @@
 
 #include "config/checks.hpp"
 #include "config/drive_ids.hpp"
+#include "config/drive_presets.hpp"
 #include "config/turns.hpp"
 
 namespace takt::config {
@@ -86,7 +87,11 @@ void check_drive(const Joint& joint, const Bus& bus, std::size_t i, Checker& che
   checker.require(!counts_in_steps || drive.variant == "tmotor", joint_path(i, "drive.position_after_power_up"),
                   "one_of_several is for T-Motor drives with one encoder; write absolute or, of an ODrive, unknown");
   if (drive.protocol != DriveProtocol::mit) return;
-  checker.require(drive.id != drive.reply_id, joint_path(i, "drive.reply_id"),
+  const DrivePreset* const preset = find_drive_preset(drive.protocol, drive.model);
+  checker.require(preset == nullptr || preset->variant == drive.variant, joint_path(i, "drive.variant"),
+                  fmt::format("{} is no {} drive: correct variant or model", drive.model, drive.variant));
+  // A T-Motor drive may reply with the id that it hears.
+  checker.require(drive.id != drive.reply_id || drive.variant == "tmotor", joint_path(i, "drive.reply_id"),
                   fmt::format("0x{:x} is the drive's own id; choose another", drive.reply_id));
   if (drive.variant == "damiao")
     checker.require(drive.id != kDamiaoRegisterId && drive.reply_id != kDamiaoRegisterId, joint_path(i, "drive.id"),

@@ -94,6 +94,8 @@ class Fields {
   virtual void named_sections(const Key& key, std::vector<std::string> names,
                               const std::function<void(const std::vector<std::string>&)>& set_names,
                               const ItemBody& item) = 0;
+  // What the section's other keys mean depends on a value that is not known: none is asked for or complained about.
+  virtual void leave_the_rest() {}
   // True where keys that depend on another key's value are to be shown all the same (the key table).
   [[nodiscard]] virtual bool shows_all() const { return false; }
 
@@ -104,12 +106,15 @@ class Fields {
     whole(key, wide, low, high);
     value = static_cast<Integer>(wide);
   }
+  // False: it is none of the words; then the value is the first one's.
   template <class Enum>
-  void choice(const Key& key, Enum& value, Words words) {
+  bool choice(const Key& key, Enum& value, Words words) {
     const auto index = static_cast<std::size_t>(value);
     std::string word(index < words.size() ? words[index] : "");
     one_of(key, word, words, key.name);
-    value = static_cast<Enum>(index_of(words, word).value_or(0));
+    const std::optional<std::size_t> known = index_of(words, word);
+    value = static_cast<Enum>(known.value_or(0));
+    return known.has_value();
   }
   template <class Index>
   void reference(const Key& key, Index& index, Words names_known, std::string_view what) {

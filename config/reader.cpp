@@ -71,6 +71,7 @@ Reader::Reader(const Node& node, std::string path, Problems& problems, Places& p
 }
 
 void Reader::finish() {
+  if (rest_is_left_) return;
   const std::vector<std::string_view> known(declared_.begin(), declared_.end());
   for (const auto& [key, value] : node_.entries) {
     if (std::ranges::find(known, key.text) != known.end()) continue;

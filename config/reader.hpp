@@ -47,6 +47,7 @@ class Reader final : public Fields {
   void named_sections(const Key& key, std::vector<std::string> names,
                       const std::function<void(const std::vector<std::string>&)>& set_names,
                       const ItemBody& item) override;
+  void leave_the_rest() override { rest_is_left_ = true; }
 
  private:
   // The key's node; a default's text parsed in its place; nullptr when it is missing (reported) or prefilled.
@@ -68,6 +69,7 @@ class Reader final : public Fields {
   Problems& problems_;
   Places& places_;
   std::vector<std::string> declared_;
+  bool rest_is_left_ = false;
   std::map<std::string, Node, std::less<>> defaults_;  // parsed defaults, kept alive
 };
 

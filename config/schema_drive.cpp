@@ -51,6 +51,8 @@ std::vector<std::string_view> models_of(const Fields& fields, DriveProtocol prot
   for (const DriveProtocol one : {DriveProtocol::mit, DriveProtocol::robstride}) {
     if (one != protocol && !fields.shows_all()) continue;
     for (const DrivePreset& preset : presets_of(one)) models.push_back(preset.model);
+    for (const ModelAlias& alias : kModelAliases)
+      if (find_drive_preset(one, alias.name) != nullptr) models.push_back(alias.name);
   }
   return models;
 }
@@ -74,10 +76,11 @@ void describe_packed_ranges(Fields& fields, Drive& drive) {
                      "torque_range, kp_range, kd_range)"},
       drive.model, models_of(fields, drive.protocol), "drive model", "none");
   const DrivePreset* preset = find_drive_preset(drive.protocol, drive.model);
-  const bool names_model = !drive.model.empty();  // an unknown one too: it is complained about where it stands
+  if (preset != nullptr) drive.model = preset->model;  // instead of another name for it
+  const bool names_model = !drive.model.empty();       // an unknown one too: it is complained about where it stands
   const std::string unsettled =
       preset == nullptr ? std::string()
-                        : "sources disagree about " + drive.model + " (" + std::string(preset->unsettled) +
+                        : "public sources do not settle it for " + drive.model + " (" + std::string(preset->unsettled) +
                               "), and a wrong range scales every command: write what the drive's own manual says";
   const auto range = [&](std::string_view name, std::string_view doc, double& value, double from_preset,
                          Dimension dimension) {
@@ -142,7 +145,7 @@ void describe_own_units(Fields& fields, Drive& drive, const Speaks& speaks) {
 }  // namespace
 
 void describe_drive(Fields& fields, Drive& drive) {
-  fields.choice({"protocol", "what the drive speaks"}, drive.protocol, kProtocols);
+  if (!fields.choice({"protocol", "what the drive speaks"}, drive.protocol, kProtocols)) return fields.leave_the_rest();
   const Speaks speaks(fields, drive.protocol);
   if (speaks.any_of({DriveProtocol::mit}))
     fields.one_of({"variant", "mit: tmotor replies with 6 bytes, damiao with 8"}, drive.variant, kVariants, "variant");

@@ -4,12 +4,14 @@
 (config/drive_preset_table.hpp), that of docs/drives.md, and drivers/dbc/MODEL.dbc where all ranges are settled. Writes
 them; with --check writes nothing and says which is old. Exit codes: 0 fine, 1 old, 64 usage, 65 a sheet is wrong.
 
-A sheet: model, maker, protocol (mit or robstride), variant (mit: tmotor or damiao), and sources, each with `where` it
-was read, its `kind`, and what it says, side of the drive's output:
+A sheet: model, maker, protocol (mit or robstride), variant (mit: tmotor or damiao), aliases (other names of the same
+drive, where there are any), and sources, each with `where` it was read, its `kind`, and what it says, side of the drive's
+output:
   position_range rad, velocity_range rad/s, torque_range Nm, kp_range Nm/rad, kd_range Nm s/rad; numbers, or "4 pi"
-What packed fields span scales every command, so a range has a value only where its sources agree, to half a percent; the
-first one's word counts. kind: manual, code (that drives such a motor), bench (measured), or seller, whose table yields to
-any other. What sources disagree about, or nobody says, the robot file must give itself.
+What packed fields span scales every command. So a range has a value only where its sources agree, to half a percent, and
+where they are the maker's manual or at least two; the first one's word counts. kind: manual, code (that drives such a
+motor), bench (measured), or seller, whose table counts for nothing: it may be copied. Another range stands in the robot
+file. A table of the MIT protocol is no source for a RobStride in its own protocol: the same drive spans other ranges there.
 """
 import dataclasses
 import math
@@ -22,8 +24,8 @@ RANGES = ["position_range", "velocity_range", "torque_range", "kp_range", "kd_ra
 UNITS = dict(zip(RANGES, ["rad", "rad/s", "Nm", "Nm/rad", "Nm s/rad"]))
 KINDS = ["manual", "code", "bench", "seller"]
 AGREE_WITHIN = 0.005
-ORDER = ["AK80-9", "AK10-9", "AK60-6", "AK70-10", "AK80-6", "AK80-64", "DM4310", "DM4340", "DM6006", "DM8009",
-         "CyberGear", "RS00", "RS01", "RS02", "RS03", "RS04", "RS05", "RS06"]
+ORDER = ["AK80-9", "AK10-9", "AK60-6", "AK70-10", "AK80-6", "AK80-64", "DM3507", "DM4310", "DM4310_48V", "DM4340",
+         "DM4340_48V", "DM6006", "DM8006", "DM8009", "DM10010L", "DM10010", "DMH3510", "DMH6215", "DMG6220", "CyberGear", "RS00", "RS01", "RS02", "RS03", "RS04", "RS05", "RS06"]
 TABLE_HEAD = "| model | velocity, rad/s | torque, Nm | source |\n|---|---|---|---|\n"
 
 
@@ -37,29 +39,36 @@ class Sheet:
     maker: str
     protocol: str
     variant: str  # of mit: tmotor or damiao
+    aliases: list
     sources: list
 
     def said(self, name):
         """(number, as written, source) of every source that counts."""
-        all_of_it = [(number(source[name]), source[name], source) for source in self.sources if name in source]
-        weighty = [one for one in all_of_it if one[2]["kind"] != "seller"]
-        return weighty or all_of_it
+        return [(number(source[name]), source[name], source)
+                for source in self.sources if name in source and source["kind"] != "seller"]
 
     def settled(self, name):
-        """The value as written; None: its sources disagree, or nobody says."""
+        """The value as written; None: its sources disagree, or there is one that is not the maker's."""
         said = self.said(name)
-        first = said[0][0] if said else None
-        agree = said and all(abs(value - first) <= AGREE_WITHIN * first for value, _, _ in said)
-        return said[0][1] if agree else None
+        if not said or not all(abs(value - said[0][0]) <= AGREE_WITHIN * said[0][0] for value, _, _ in said):
+            return None
+        known = len(said) >= 2 or said[0][2]["kind"] == "manual"
+        return said[0][1] if known else None
 
     def unsettled(self):
         """"45 or 50 rad/s"; empty: everything is settled."""
-        return "; ".join(" or ".join(f"{value:g}" for value in sorted(one[0] for one in self.said(name))) + " " + UNITS[name]
-                         for name in RANGES if self.settled(name) is None)
+        parts = []
+        for name in RANGES:
+            if self.settled(name) is None:
+                values = sorted({f"{one[0]:g}" for one in self.said(name)}, key=float)
+                alone = ", one source" if len(values) == 1 else ", no source" if not values else ""
+                parts.append(" or ".join(values) + " " + UNITS[name] + alone)
+        return "; ".join(parts)
 
     def names(self):
         """Where what is settled comes from, and who else agrees or is outweighed."""
-        return "; ".join(self.name(source) for source in self.sources)
+        also = [f"the maker's name: {', '.join(self.aliases)}"] if self.aliases else []
+        return "; ".join([self.name(source) for source in self.sources] + also)
 
     def name(self, source):
         says = [f"{number(source[name]):g} {UNITS[name]}" for name in ("velocity_range", "torque_range") if name in source]
@@ -84,6 +93,9 @@ def read(path):
             raise WrongSheet(f"protocol `{data['protocol']}` packs no ranges")
         if not data["maker"] or (data["protocol"] == "mit") != (data.get("variant") in ("tmotor", "damiao")):
             raise WrongSheet("maker, or variant of an mit drive, is missing")
+        aliases = data.get("aliases", [])
+        if not isinstance(aliases, list) or not all(isinstance(alias, str) and alias for alias in aliases):
+            raise WrongSheet("aliases is a list of names")
         for source in data["sources"]:
             unknown = set(source) - {"where", "kind", *RANGES}
             if unknown or source["kind"] not in KINDS or not source["where"]:
@@ -91,7 +103,7 @@ def read(path):
             for name in RANGES:
                 if name in source:
                     number(source[name])
-        return Sheet(data["model"], data["maker"], data["protocol"], data.get("variant", ""), data["sources"])
+        return Sheet(data["model"], data["maker"], data["protocol"], data.get("variant", ""), aliases, data["sources"])
     except WrongSheet as wrong:
         raise WrongSheet(f"{path}: {wrong}") from None
     except (KeyError, TypeError, yaml.YAMLError) as wrong:
@@ -114,14 +126,19 @@ def cpp(sheets):
         for sheet in sheets:
             if sheet.protocol == protocol:
                 numbers = ", ".join(cpp_number(sheet.settled(name)) for name in RANGES)
-                yield (f'    DrivePreset{{"{sheet.model}", {numbers}, "{sheet.names()}"'
+                yield (f'    DrivePreset{{"{sheet.model}", "{sheet.variant}", {numbers}, "{sheet.names()}"'
                        + (f', "{sheet.unsettled()}"' if sheet.unsettled() else "") + "},\n")
 
-    return ("// Made of config/drives/*.yaml by config/drives/make_presets.py: change those.\n#pragma once\n\n#include <array>\n"
+    def alias_rows():
+        for sheet in sheets:
+            for alias in sheet.aliases:
+                yield f'    ModelAlias{{"{alias}", "{sheet.model}"}},\n'
+
+    return ("// SPDX-License-Identifier: Apache-2.0\n// Made of config/drives/*.yaml by config/drives/make_presets.py: change those.\n#pragma once\n\n#include <array>\n"
             "#include <numbers>\n\n#include \"config/drive_preset.hpp\"\n\nnamespace takt::config {\n\n// clang-format off\n"
             "inline constexpr double kFourPi = 4 * std::numbers::pi;\ninline constexpr std::array kMitPresets{\n"
             + "".join(rows("mit")) + "};\ninline constexpr std::array kRobstridePresets{\n" + "".join(rows("robstride"))
-            + "};\n// clang-format on\n\n}  // namespace takt::config\n")
+            + "};\ninline constexpr std::array kModelAliases{\n" + "".join(alias_rows()) + "};\n// clang-format on\n\n}  // namespace takt::config\n")
 
 
 def page_rows(sheets):
@@ -147,18 +164,19 @@ MIT_REPLY = [("Position", 15, 16, "position_range", True, "rad"), ("Velocity", 3
              ("Torque", 35, 12, "torque_range", True, "Nm")]
 ROBSTRIDE_REPLY = [("Position", 7, 16, "position_range", True, "rad"), ("Velocity", 23, 16, "velocity_range", True, "rad/s"),
                    ("Torque", 39, 16, "torque_range", True, "Nm")]
-# As they stand in a DBC: first bit, bits, factor, offset, unit. RobStride's reply has its faults and mode in the identifier.
+# As they stand in a DBC: first bit, bits (negative: signed), factor, offset, unit. RobStride's reply has its faults and mode in the identifier.
 WHOLE_NUMBERS = {"tmotor": {"Drive": (7, 8, 1, 0, ""), "Temperature": (55, 8, 1, -40, "degC"), "Error": (63, 8, 1, 0, "")},
                  "damiao": {"State": (7, 4, 1, 0, ""), "Drive": (3, 4, 1, 0, ""), "Temperature_MOS": (55, 8, 1, 0, "degC"),
                             "Temperature_Rotor": (63, 8, 1, 0, "degC")},
-                 "": {"Temperature": (55, 16, 0.1, 0, "degC")}}
+                 "": {"Temperature": (55, -16, 0.1, 0, "degC")}}
 EXTENDED = 1 << 31
 ROBSTRIDE_RUNNING = 2 << 24 | 2 << 22 | 1 << 8 | 0xFD  # drive 1 tells host FD, in mode 2, without a fault
 REPLY_ID = {"tmotor": 0, "damiao": 0x11, "": EXTENDED | ROBSTRIDE_RUNNING}
 
 
 def dbc_signal(name, first, bits, factor, offset, unit, reader):
-    return f' SG_ {name} : {first}|{bits}@0+ ({factor:.15g},{offset:.15g}) [0|0] "{unit}" {reader}\n'
+    sign = "-" if bits < 0 else "+"
+    return f' SG_ {name} : {first}|{abs(bits)}@0{sign} ({factor:.15g},{offset:.15g}) [0|0] "{unit}" {reader}\n'
 
 
 def dbc_packed(sheet, fields, reader):

@@ -25,20 +25,32 @@ COMMANDS = {
 }
 # Typed from the papers: velocity rad/s, torque Nm, kp Nm/rad, kd Nm s/rad. RobStride's manuals of RS00 (types 1 and 2),
 # RS03 (4.1.2, revisions 251112, 260112, 260713), RS06 (as a driver quotes it); cybergear-docs instructionmanual.md,
-# section 4; Damiao's table in openarm_can's dm_motor_constants.hpp.
+# section 4; Damiao's table in openarm_can's dm_motor_constants.hpp; CubeMars' AK Series Actuator Driver Manual V1.0.8, 5.3.
 PAPERS = {
     "RS00": (33, 14, 500, 5),
     "RS03": (20, 60, 5000, 100),
     "RS06": (50, 36, 5000, 100),
     "CyberGear": (30, 12, 500, 5),
     "DM4310": (30, 10, 500, 5),
-    "DM4340": (10, 28, 500, 5),
+    "DM4340_48V": (10, 28, 500, 5),
+    "DM8006": (45, 40, 500, 5),
+    "AK10-9": (50, 65, 500, 5),
+    "AK80-64": (8, 144, 500, 5),
     "DM6006": (45, 20, 500, 5),
     "DM8009": (45, 54, 500, 5),
 }
-# Sources disagree: nothing may be chosen.
-CONFLICTS = {"AK60-6": ("velocity_range", "45 or 50 rad/s"), "AK80-9": ("velocity_range", "22.5 or 25.64 or 50 rad/s"),
-             "AK80-6": ("velocity_range", "22.5 or 38.2 or 76 rad/s"), "RS05": ("torque_range", "5.5 or 6 Nm")}
+# Sources disagree, or there is one alone: nothing may be chosen.
+def alone(velocity, torque, kp, kd):
+    return (["position_range", "velocity_range", "torque_range", "kp_range", "kd_range"],
+            f"12.5664 rad, one source; {velocity} rad/s, one source; {torque} Nm, one source; {kp} Nm/rad, one source; "
+            f"{kd} Nm s/rad, one source")
+
+
+CONFLICTS = {"AK60-6": (["velocity_range"], "45 or 50 rad/s"), "AK80-9": (["velocity_range"], "22.5 or 25.64 or 50 rad/s"),
+             "AK80-6": (["velocity_range"], "22.5 or 38.2 or 76 rad/s"), "RS05": (["torque_range"], "5.5 or 6 Nm"),
+             "AK70-10": (["torque_range"], "24 or 25 Nm"), "DM4340": (["velocity_range"], "8 or 10 rad/s"),
+             "DM3507": (["velocity_range", "torque_range"], "30 or 50 rad/s; 5 or 10 Nm"),
+             "RS01": alone(44, 17, 500, 5), "RS02": alone(44, 17, 500, 5), "RS04": alone(15, 120, 5000, 100)}
 
 SHEET = """model: {model}
 maker: T-Motor
@@ -46,7 +58,7 @@ protocol: mit
 variant: tmotor
 sources:
   - where: "a paper"
-    kind: manual
+    kind: {first}
     position_range: 12.5
     velocity_range: {velocity}
     torque_range: 18
@@ -93,10 +105,10 @@ def check_sheets(presets, sheets):
     for sheet in sheets:
         position = settled(sheet.model)[0]
         wanted = 12.5 if sheet.protocol == "mit" else 4 * math.pi
-        fine &= expect(f"{sheet.model} spans {position} rad", math.isclose(position, wanted))
+        fine &= expect(f"{sheet.model} spans {position} rad", position is None or math.isclose(position, wanted))
         unsettled = [name for name in presets.RANGES if sheet.settled(name) is None]
         conflict = CONFLICTS.get(sheet.model)
-        fine &= expect(f"{sheet.model} leaves {unsettled} open", unsettled == ([conflict[0]] if conflict else []))
+        fine &= expect(f"{sheet.model} leaves {unsettled} open", unsettled == (conflict[0] if conflict else []))
         fine &= expect(f"{sheet.model} says `{sheet.unsettled()}`", sheet.unsettled() == (conflict[1] if conflict else ""))
     return fine
 
@@ -106,7 +118,7 @@ def check_rules(presets):
     fine = True
     with tempfile.TemporaryDirectory() as folder:
         def sheet(**changes):
-            values = {"model": "X1", "velocity": 50, "kind": "seller", **changes}
+            values = {"model": "X1", "velocity": 50, "first": "manual", "kind": "seller", **changes}
             path = pathlib.Path(folder) / "X1.yaml"
             path.write_text(SHEET.format(**values))
             return presets.read(path)
@@ -119,6 +131,10 @@ def check_rules(presets):
             return False
 
         fine &= expect("a seller's table yields to a manual", sheet().settled("velocity_range") == 50)
+        fine &= expect("code alone is no value", sheet(first="code").settled("velocity_range") is None)
+        fine &= expect("nor with a seller's table that agrees",
+                       sheet(first="code", velocity=45).settled("velocity_range") is None)
+        fine &= expect("two that agree are", sheet(first="code", kind="bench", velocity=45).settled("velocity_range") == 45)
         fine &= expect("code does not", sheet(kind="code").settled("velocity_range") is None)
         fine &= expect("what agrees to half a percent agrees",
                        sheet(kind="bench", velocity=45.2).settled("velocity_range") == 45.2)

@@ -239,9 +239,10 @@ TEST(Load, ARangeThatSourcesDisagreeAboutMustBeWritten) {
   const std::string ak = with("model: AK10-9", "model: AK60-6");
   const auto refused = parse(ak, "r");
   ASSERT_FALSE(refused.has_value());
-  EXPECT_EQ(refused.error(),
-            "r:19:12: key `velocity_range` is missing in `joints[0].drive`; add it: sources disagree about AK60-6 (45 "
-            "or 50 rad/s), and a wrong range scales every command: write what the drive's own manual says");
+  EXPECT_EQ(
+      refused.error(),
+      "r:19:12: key `velocity_range` is missing in `joints[0].drive`; add it: public sources do not settle it "
+      "for AK60-6 (45 or 50 rad/s), and a wrong range scales every command: write what the drive's own manual says");
   const auto written = parse(with("model: AK10-9", "model: AK60-6, velocity_range: 45 rad/s"), "r");
   ASSERT_TRUE(written.has_value()) << written.error();
   EXPECT_EQ(written->joints[0].drive.velocity_range, 45);
@@ -254,6 +255,50 @@ TEST(Load, ARangeThatSourcesDisagreeAboutMustBeWritten) {
   EXPECT_NE(rs05.error().find("key `torque_range` is missing"), std::string::npos) << rs05.error();
   EXPECT_NE(rs05.error().find("RS05 (5.5 or 6 Nm)"), std::string::npos) << rs05.error();
   EXPECT_EQ(rs05.error().find("velocity_range"), std::string::npos) << "both sources say 50 rad/s: " << rs05.error();
+}
+
+// Goal: one source alone is no preset, and neither are two that differ: AK70-10 (24 or 25 Nm), DM4340 (8 or 10 rad/s),
+// RS01, RS02 and RS04 (one source beside a seller's table). Method: the robot with the model alone.
+TEST(Load, ARangeThatOneSourceAloneTellsMustBeWritten) {
+  constexpr std::string_view kTmotor =
+      "{ protocol: mit, variant: tmotor, model: AK10-9, id: 1, reply_id: 0, position_after_power_up: absolute }";
+  struct Row {
+    const char* drive;
+    const char* key;
+    const char* said;
+  };
+  const Row rows[] = {
+      {"{ protocol: mit, variant: tmotor, model: AK70-10, id: 1, reply_id: 0, position_after_power_up: absolute }",
+       "torque_range", "AK70-10 (24 or 25 Nm)"},
+      {"{ protocol: mit, variant: damiao, model: DM4340, id: 1, reply_id: 0x11 }", "velocity_range",
+       "DM4340 (8 or 10 rad/s)"},
+      {"{ protocol: robstride, model: RS01, id: 1 }", "velocity_range", "44 rad/s, one source"},
+      {"{ protocol: robstride, model: RS02, id: 1 }", "kp_range", "500 Nm/rad, one source"},
+      {"{ protocol: robstride, model: RS04, id: 1 }", "torque_range", "120 Nm, one source"},
+  };
+  for (const Row& row : rows) {
+    const auto refused = parse(with(kTmotor, row.drive), "r");
+    ASSERT_FALSE(refused.has_value()) << row.drive;
+    EXPECT_NE(refused.error().find("key `" + std::string(row.key) + "` is missing"), std::string::npos)
+        << refused.error();
+    EXPECT_NE(refused.error().find(row.said), std::string::npos) << refused.error();
+  }
+}
+
+// Goal: what is printed on the drive may be written. Method: the maker's name, and the robot is the one with ours.
+TEST(Load, TheMakersNameOfADriveIsTheModel) {
+  constexpr std::string_view kTmotor =
+      "{ protocol: mit, variant: tmotor, model: AK10-9, id: 1, reply_id: 0, position_after_power_up: absolute }";
+  const auto written = [&](const std::string& model) {
+    return parse(with(kTmotor, "{ protocol: mit, variant: damiao, model: " + model +
+                                   ", id: 1, reply_id: 0x11, torque_range: 20 Nm }"),
+                 "r");
+  };
+  const auto makers = written("DM-J4310-2EC"), ours = written("DM4310");
+  ASSERT_TRUE(makers.has_value()) << makers.error();
+  ASSERT_TRUE(ours.has_value()) << ours.error();
+  EXPECT_EQ(makers->joints[0].drive.velocity_range, 30);
+  EXPECT_EQ(makers->resolved, ours->resolved);
 }
 
 // Goal: `parent: base` means one thing. Method: a joint of that name, wherever the file names it.
@@ -274,7 +319,7 @@ TEST(Load, EveryPresetNamesItsSource) {
   for (const DriveProtocol protocol : {DriveProtocol::mit, DriveProtocol::robstride}) {
     for (const DrivePreset& preset : presets_of(protocol)) {
       EXPECT_FALSE(preset.source.empty()) << preset.model;
-      const bool complete = preset.position > 0 && preset.velocity > 0 && preset.torque > 0;
+      const bool complete = preset.position > 0 && preset.velocity > 0 && preset.torque > 0 && preset.kp > 0;
       EXPECT_NE(complete, !preset.unsettled.empty()) << preset.model;
       const auto number = [](double value) { return value == kUnsettled ? "write it" : fmt::format("{}", value); };
       const std::string row =

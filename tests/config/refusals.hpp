@@ -153,13 +153,17 @@ inline constexpr Refusal kRefusals[] = {
             "11:44: degraded.fallback: fallback `stand` is not known; write one of: tuck, none"},
     Refusal{"an unknown drive model", "AK10-9", "AK10-99",
             "19:53: joints[0].drive.model: drive model `AK10-99` is not known: known are AK80-9, "
-            "AK10-9, AK60-6, AK70-10, AK80-6, AK80-64, DM4310, DM4340, DM6006, DM8009, none; for another model write "
-            "none and the five ranges of its manual (position_range, velocity_range, torque_range, kp_range, "
+            "AK10-9, AK60-6, AK70-10, AK80-6, AK80-64, DM3507, DM4310, DM4310_48V, DM4340, DM4340_48V, DM6006, DM8006, "
+            "DM8009, DM10010L, DM10010, DMH3510, DMH6215, DMG6220, DM-J4310-2EC, DM-J4340P-2EC, DM-J8009P-2EC, none; "
+            "for another model write none and the five ranges of its manual (position_range, velocity_range, "
+            "torque_range, kp_range, "
             "kd_range)"},
     Refusal{"another motor than its nearest name", "AK10-9", "AK80-8",
             "19:53: joints[0].drive.model: drive model `AK80-8` is not known: known are AK80-9, "
-            "AK10-9, AK60-6, AK70-10, AK80-6, AK80-64, DM4310, DM4340, DM6006, DM8009, none; for another model write "
-            "none and the five ranges of its manual (position_range, velocity_range, torque_range, kp_range, "
+            "AK10-9, AK60-6, AK70-10, AK80-6, AK80-64, DM3507, DM4310, DM4310_48V, DM4340, DM4340_48V, DM6006, DM8006, "
+            "DM8009, DM10010L, DM10010, DMH3510, DMH6215, DMG6220, DM-J4310-2EC, DM-J4340P-2EC, DM-J8009P-2EC, none; "
+            "for another model write none and the five ranges of its manual (position_range, velocity_range, "
+            "torque_range, kp_range, "
             "kd_range)"},
     Refusal{"a drive that may forget where it is", "reply_id: 0, position_after_power_up: absolute }", "reply_id: 0 }",
             "19:12: key `position_after_power_up` is missing in `joints[0].drive`; add it: mit (tmotor), odrive: "
@@ -167,6 +171,12 @@ inline constexpr Refusal kRefusals[] = {
             "(tmotor, one encoder before the gear): not armed before `takt joint home`"},
     Refusal{"an unknown protocol", "protocol: mit, variant: tmotor, model", "protocol: mut, variant: tmotor, model",
             "19:24: joints[0].drive.protocol: protocol `mut` is not known; did you mean `mit`?"},
+    Refusal{"a protocol that is not spoken", "protocol: mit, variant: tmotor, model",
+            "protocol: dynamixel, baud: 57600, model",
+            "19:24: joints[0].drive.protocol: protocol `dynamixel` is not known; write one of: mit, robstride, odrive, "
+            "moteus, cia402"},
+    Refusal{"a drive of the other variant", "AK10-9", "DM4310",
+            "19:38: joints[0].drive.variant: DM4310 is no tmotor drive: correct variant or model"},
     Refusal{"an unknown joint in an order", "[knee, hip]", "[knee, hips]",
             "51:23: policy.joint_order: joint `hips` is not known; did you mean `hip`?"},
     Refusal{"a joint named twice in an order", "[knee, hip]", "[knee, knee]",

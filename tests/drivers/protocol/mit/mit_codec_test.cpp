@@ -126,6 +126,7 @@ TEST(MitCodec, WhatTheDriveReadsIsWithinOneQuantum) {
     const std::size_t model = *rc::gen::inRange<std::size_t>(0, config::kMitPresets.size());
     MitRange range = preset(config::kMitPresets[model].model);
     if (range.v == config::kUnsettled) range.v = 45;
+    if (range.t == config::kUnsettled) range.t = 24;
     const auto symmetric = [](std::uint16_t x, float limit) { return (static_cast<float>(x) / 32767.5F - 1) * limit; };
     const auto positive = [](std::uint16_t x, float limit) { return static_cast<float>(x) / 65535.0F * limit; };
     const MitCommand sent{symmetric(a, range.p), symmetric(b, range.v), positive(c, range.kp), positive(d, range.kd),

@@ -26,7 +26,11 @@ RobstrideRange range_of(const config::DrivePreset& preset) {
           static_cast<float>(preset.kd), static_cast<float>(preset.torque)};
 }
 
+// RS04's is nobody's preset: position, velocity, kp, kd, torque.
+constexpr RobstrideRange kRs04{12.566370614359172F, 15, 5000, 100, 120};
+
 RobstrideRange preset(std::string_view model) {
+  if (model == "RS04") return kRs04;
   return range_of(*config::find_drive_preset(config::DriveProtocol::robstride, model));
 }
 
