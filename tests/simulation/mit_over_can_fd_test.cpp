@@ -55,11 +55,22 @@ TEST(MitOverCanFd, AnotherRateInItsRegisterIsNamedAndNotArmed) {
   EXPECT_EQ(loop.ticks_until(DriveState::enabled, true, kThere), -1);
 }
 
-TEST(MitOverCanFd, ADriveThatSpeaksClassicFramesIsNotHeard) {
+TEST(MitOverCanFd, ADriveThatAnswersInClassicFramesIsNamed) {
   test::DriveLoop loop(damiao(5'000'000), milliseconds(100));
   loop.device = plant::make_device(damiao(0), milliseconds(100));
   for (int ms = 0; ms < 100; ++ms) loop.tick(false);
   EXPECT_FALSE(loop.host->feedback().received_at.is_set());
+  // As a drive does that hears CAN FD and is set to classic frames.
+  loop.device = plant::make_device(damiao(5'000'000), milliseconds(100));
+  loop.on_the_way = [](CanFrame& frame) {
+    if (frame.id == 0x13) frame.fd = frame.bit_rate_switch = false;
+    return true;
+  };
+  for (int ms = 0; ms < 100; ++ms) loop.tick(false);
+  EXPECT_FALSE(loop.host->feedback().received_at.is_set());
+  EXPECT_EQ(loop.host->feedback().drive_state, DriveState::fault);
+  EXPECT_NE(error_name(damiao(5'000'000), loop.host->feedback().error_code).find("classic frames, not CAN FD"),
+            std::string::npos);
 }
 
 }  // namespace

@@ -79,6 +79,13 @@ bool is_ak_v3_feedback(std::uint32_t drive_id, const CanFrame& frame) noexcept {
   return classic && frame.length == 8 && frame.id == (kAkV3Feedback | drive_id);
 }
 
+bool is_robstride_reply(std::uint32_t drive_id, const CanFrame& frame) noexcept {
+  constexpr std::uint8_t kHighestByte = 3, kHighestErrorCode = 15;
+  const bool classic = !frame.extended && !frame.fd && !frame.remote && !frame.error && frame.length == 8;
+  if (!classic || frame.data[0] != drive_id || frame.data[6] > kHighestByte) return false;
+  return frame.data[6] != 0 || frame.data[7] > kHighestErrorCode;  // 0: perhaps a T-Motor drive without a sensor
+}
+
 std::optional<MitReply> decode_mit_reply(const MitRange& range, MitVariant variant, const CanFrame& frame,
                                          bool fd) noexcept {
   const bool plain = !frame.extended && frame.fd == fd && !frame.remote && !frame.error;

@@ -71,4 +71,10 @@ inline constexpr float kTmotorColdest_C = 40;
 inline constexpr std::uint32_t kAkV3Feedback = 0x2900;
 bool is_ak_v3_feedback(std::uint32_t drive_id, const CanFrame& frame) noexcept;
 
+// A RobStride that was switched to the MIT protocol replies with 8 bytes whose last two are its temperature in 0.1 deg
+// C, high byte first. To a T-Motor drive these would be a temperature of -37 deg C or less and an error code.
+// SettingDetail::setting of it: no register, no id of feedback. Source: the maker's manual of RS00, MIT protocol.
+inline constexpr std::uint32_t kRobstrideInMit = 0x2901;
+bool is_robstride_reply(std::uint32_t drive_id, const CanFrame& frame) noexcept;
+
 }  // namespace takt::drivers

@@ -59,7 +59,7 @@ void MitDriver::note_silence() noexcept {
 bool MitDriver::may_enable() const {
   switch (settings_.variant) {
     case MitVariant::damiao:
-      return readback_.may_enable();
+      return other_protocol_ticks_ == 0 && readback_.may_enable();
     case MitVariant::tmotor:
       return settings_.timeout.waived && other_protocol_ticks_ == 0 && knows_home();
   }
@@ -69,9 +69,10 @@ bool MitDriver::may_enable() const {
 std::uint32_t MitDriver::setup_error() const noexcept {
   switch (settings_.variant) {
     case MitVariant::damiao:
-      return readback_.error_code();
+      return other_protocol_ticks_ > 0 ? setup_fault_code(SetupFault::other_protocol, other_protocol_)
+                                       : readback_.error_code();
     case MitVariant::tmotor:
-      if (other_protocol_ticks_ > 0) return setup_fault_code(SetupFault::other_protocol, kAkV3Feedback);
+      if (other_protocol_ticks_ > 0) return setup_fault_code(SetupFault::other_protocol, other_protocol_);
       if (!settings_.timeout.waived) return setup_fault_code(SetupFault::watchdog_unknown);
       return knows_home() ? 0 : setup_fault_code(SetupFault::home_unknown);
   }
@@ -129,8 +130,28 @@ void MitDriver::take(const MitReply& reply, MonoTime received_at) noexcept {
   judge();
 }
 
+// 0: it is of none that is known. A drive that is driven has been understood: there a frame that looks otherwise is a
+// stranger's.
+std::uint32_t MitDriver::other_protocol_of(const CanFrame& frame) const noexcept {
+  const bool on_reply_id = frame.id == settings_.reply_id && !frame.extended && wish_ != Wish::drive;
+  switch (settings_.variant) {
+    case MitVariant::tmotor:
+      if (on_reply_id && is_robstride_reply(settings_.id, frame)) return kRobstrideInMit;
+      return is_ak_v3_feedback(settings_.id, frame) ? kAkV3Feedback : 0;
+    case MitVariant::damiao: {
+      constexpr std::uint32_t kIdBits = 0xF;
+      const bool is_reply = on_reply_id && !frame.remote && !frame.error && frame.length == 8 &&
+                            (frame.data[0] & kIdBits) == (settings_.id & kIdBits);
+      return is_reply && frame.fd != settings_.fd() ? kOtherFrames : 0;
+    }
+  }
+  return 0;
+}
+
 bool MitDriver::take_other_protocol(const CanFrame& frame) noexcept {
-  if (settings_.variant != MitVariant::tmotor || !is_ak_v3_feedback(settings_.id, frame)) return false;
+  const std::uint32_t found = other_protocol_of(frame);
+  if (found == 0) return false;
+  other_protocol_ = found;
   other_protocol_ticks_ = kTicksToForget;
   judge();
   return true;
@@ -225,7 +246,19 @@ std::string mit_error_name(const config::Drive& drive, std::uint32_t code) {
     return "that of AK V3 firmware or servo mode (29-bit feedback ids 0x29xx), which this program does not speak: set "
            "the "
            "drive to the MIT mode of V2 firmware with the maker's tool";
-  if (setting != 0) return damiao_register_name(setting);
+  if (setting == MitDriver::kOtherFrames)
+    return drive.fd_bitrate != 0
+               ? "classic frames, not CAN FD: set the drive's bit rate (register 35), or drop fd_bitrate"
+               : "CAN FD, not classic frames: write fd_bitrate, or set the drive's bit rate (register 35)";
+  if (setting == kRobstrideInMit)
+    return "that of a RobStride in MIT protocol: switch it back to its own with the maker's tool, and write `protocol: "
+           "robstride`";
+  if (setting != 0) {
+    const bool tells_nothing = kind_of(code) == SetupFault::settings_unread &&
+                               static_cast<DamiaoRegister>(setting) == DamiaoRegister::control_mode;
+    return std::string(damiao_register_name(setting)) +
+           (tells_nothing ? "; a RobStride in MIT protocol tells none: write `protocol: robstride` for it" : "");
+  }
   if (drive.variant == "tmotor") return code < kTmotor.size() ? kTmotor[code] : "";
   return code >= 8 && code - 8 < kDamiaoFrom8.size() ? kDamiaoFrom8[code - 8] : "";
 }

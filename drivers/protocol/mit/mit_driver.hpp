@@ -10,7 +10,7 @@
 //   are known to agree. A T-Motor drive has no state in its reply and counts as enabled, or disabled, by the first
 //   reply after the frame that asks for it; its settings cannot be read, its time-out neither: without a waiver in the
 //   robot file it has a fault that says so, and is not enabled. One that is heard to speak the protocol of AK V3
-//   firmware has a fault that names it, for kTicksToForget after its last such word.
+//   firmware, or to be a RobStride, has a fault that names it, for kTicksToForget after its last such word.
 //   One whose encoder cannot tell several places apart is not enabled before somebody said which it is (assume_home),
 //   nor after a silence of kTicksToDoubt or a jump of more than half a step, after which it may be another.
 // enabled once: motion commands only. A drive that leaves motor mode by itself is not brought back before `enable` was
@@ -45,6 +45,9 @@ struct MitDriveSettings {
 class MitDriver final : public JointDriver {
  public:
   static constexpr std::uint32_t kTicksToForget = 2000;
+  // Beside kAkV3Feedback and kRobstrideInMit: a Damiao that answers in classic frames where the file says CAN FD, or
+  // the other way round.
+  static constexpr std::uint32_t kOtherFrames = 0x2902;
 
   explicit MitDriver(const MitDriveSettings& settings) noexcept
       : settings_(settings),
@@ -68,6 +71,7 @@ class MitDriver final : public JointDriver {
   [[nodiscard]] std::uint32_t setup_error() const noexcept;
   void take(const MitReply& reply, MonoTime received_at) noexcept;
   bool take_other_protocol(const CanFrame& frame) noexcept;
+  [[nodiscard]] std::uint32_t other_protocol_of(const CanFrame& frame) const noexcept;
   [[nodiscard]] bool knows_home() const noexcept { return settings_.place_step == 0 || assumed_home_.known(); }
   void judge() noexcept;
   [[nodiscard]] DriveState reported_state() const noexcept;
@@ -81,6 +85,7 @@ class MitDriver final : public JointDriver {
   bool heard_ = false;       // a reply came since the last tick that was spent disabled
   std::uint32_t silent_ticks_ = 0;
   std::uint32_t other_protocol_ticks_ = 0;  // left before a word of another protocol is forgotten
+  std::uint32_t other_protocol_ = 0;        // kAkV3Feedback, kRobstrideInMit, or kOtherFrames
   enum class Wish : std::uint8_t { disable, enter, drive };
   Wish wish_ = Wish::disable;
   bool anything_sent_ = false;

@@ -97,7 +97,10 @@ CanFrame odrive_get_version(std::uint32_t node) noexcept {
 
 std::optional<OdriveHeartbeat> decode_odrive_heartbeat(std::uint32_t node, const CanFrame& frame) noexcept {
   if (!is_report(node, OdriveMessage::heartbeat, frame)) return std::nullopt;
-  return OdriveHeartbeat{get_u32(frame.data), frame.data[4], frame.data[5], (frame.data[6] & 1U) != 0};
+  constexpr std::uint8_t kFlagsOf05 = 0x81;
+  const std::uint8_t last = frame.data[7];
+  return OdriveHeartbeat{get_u32(frame.data), frame.data[4], frame.data[5], (frame.data[6] & 1U) != 0,
+                         last != 0 && (last & ~kFlagsOf05) == 0};
 }
 
 std::optional<OdriveErrors> decode_odrive_errors(std::uint32_t node, const CanFrame& frame) noexcept {

@@ -68,6 +68,9 @@ struct OdriveHeartbeat {
   std::uint32_t axis_error = 0;  // bits as active_errors
   std::uint8_t axis_state = 0, procedure_result = 0;
   bool trajectory_done = false;
+  // Byte 7 as firmware 0.5 fills it (controller's error in bit 0, trajectory done in bit 7) and 0.6 does not; 0.5
+  // numbers its errors and messages otherwise. Source: odriverobotics/ODrive Firmware/communication/can/can_simple.cpp.
+  bool of_firmware_05 = false;
 };
 struct OdriveErrors {
   std::uint32_t active = 0, disarm_reason = 0;

@@ -54,6 +54,7 @@ bool OdriveDriver::is_time_to_ask() noexcept {
 }
 
 std::uint32_t OdriveDriver::setup_error() const noexcept {
+  if (old_firmware_) return setup_fault_code(SetupFault::other_protocol, kOdriveOldFirmware);
   if (contradicts(settings_.firmware, firmware_)) return setup_fault_code(SetupFault::settings_differ, kOdriveFirmware);
   const bool unread = settings_.firmware.count != 0 && !firmware_ && asks_ == kAsksForVersion;
   if (unread) return setup_fault_code(SetupFault::settings_unread, kOdriveFirmware);
@@ -153,7 +154,9 @@ bool OdriveDriver::take(OdriveMessage message, const ReceivedFrame& received) no
 bool OdriveDriver::take_version(const CanFrame& frame) noexcept {
   const auto version = decode_odrive_version(settings_.node, frame);
   if (!version) return false;
+  constexpr std::uint32_t kFirstKnown = 0x00'06'00;
   firmware_ = DriveWords{{version->firmware}, 1};
+  old_firmware_ |= version->firmware < kFirstKnown;
   judge_state();
   return true;
 }
@@ -164,6 +167,7 @@ bool OdriveDriver::take_heartbeat(const ReceivedFrame& received) noexcept {
   // Perhaps another drive than before its silence.
   if (heartbeat_at_.is_set() && received.received_at - heartbeat_at_ > kOdriveHeartbeatTimeout) {
     firmware_.reset();
+    old_firmware_ = false;
     assumed_home_.forget();
     asks_ = 0;
     ticks_to_ask_ = kTicksPerAsk;
@@ -173,6 +177,7 @@ bool OdriveDriver::take_heartbeat(const ReceivedFrame& received) noexcept {
   heard_since_request_ = true;
   axis_state_ = heartbeat->axis_state;
   active_errors_ = heartbeat->axis_error;
+  old_firmware_ |= heartbeat->of_firmware_05;
   judge_state();
   return true;
 }
@@ -230,6 +235,7 @@ void OdriveDriver::judge_state() noexcept {
     feedback_.error_code = code;
   };
   if (!heartbeat_at_.is_set()) return judge(DriveState::unknown);
+  if (old_firmware_) return judge(DriveState::fault, setup_error());
   if (heartbeat_missing_) return judge(DriveState::fault, kOdriveNoHeartbeat);
   if (active_errors_ != 0) return judge(DriveState::fault, active_errors_ | disarm_reason_);
   if (axis_state_ == kOdriveClosedLoop) return judge(DriveState::enabled);
@@ -283,6 +289,9 @@ std::vector<FrameTraffic> odrive_traffic(const config::RobotConfig& robot, std::
 std::string odrive_error_name(const config::Drive& /*drive*/, std::uint32_t code) {
   if (code == kOdriveNoHeartbeat) return "heartbeat missing";
   if (setting_of(code) == kOdriveFirmware) return "firmware (message 00)";
+  if (setting_of(code) == kOdriveOldFirmware)
+    return "that of firmware 0.5, whose errors and messages have other numbers: Takt speaks 0.6 (ODrive Pro, S1, "
+           "Micro)";
   // odriverobotics/ODriveArduino src/ODriveEnums.h, ODrive.Error
   static constexpr std::array<std::pair<std::uint32_t, const char*>, 22> kBits{{
       {0x0000'0001, "initializing"},

@@ -21,12 +21,13 @@
 // driving      the setpoint's torque                       a heartbeat since the request says closed loop
 // left         zero torque; idle, should the drive report  the drive left closed loop or reported an error by itself:
 //              closed loop again                           until enable false
-// A drive that counts from wherever it was switched on is not enabled before it was told where it is (OdriveHomeMark).
-// The drive's state is its newest heartbeat's: closed loop is enabled, an error is a fault, anything else is disabled.
-// A heartbeat that is older than kOdriveHeartbeatTimeout when an estimate arrives counts as a fault of its own,
-// kOdriveNoHeartbeat, so that a half-dead drive is not taken for enabled; when estimates stop too, the tick's feedback
-// timeout acts. Before the first heartbeat the state is unknown, before the first estimate received_at is unset.
-// Thread rule: as JointDriver.
+// A drive with firmware before 0.6 has a fault that names it, and is not enabled: 0.5 numbers errors and messages
+// otherwise. A drive that counts from wherever it was switched on is not enabled before it was told where it is
+// (OdriveHomeMark). The drive's state is its newest heartbeat's: closed loop is enabled, an error is a fault, anything
+// else is disabled. A heartbeat that is older than kOdriveHeartbeatTimeout when an estimate arrives counts as a fault
+// of its own, kOdriveNoHeartbeat, so that a half-dead drive is not taken for enabled; when estimates stop too, the
+// tick's feedback timeout acts. Before the first heartbeat the state is unknown, before the first estimate received_at
+// is unset. Thread rule: as JointDriver.
 #pragma once
 
 #include "drivers/protocol/assumed_home.hpp"
@@ -41,6 +42,8 @@ inline constexpr std::uint32_t kOdriveNoHeartbeat = 0x7FFF'FFFF;
 
 // SettingDetail::setting of the firmware: message 00 is no number that it can have.
 inline constexpr std::uint32_t kOdriveFirmware = 1;
+// Of a drive whose firmware is before 0.6: its heartbeat or its version says so. What it says else is read as nothing.
+inline constexpr std::uint32_t kOdriveOldFirmware = 2;
 
 // Of a drive that counts from wherever it was switched on (position_after_power_up: unknown). One that was told where
 // it is (Set_Absolute_Position) was told `turns` more than its place, so that its own reading says whether it was, and
@@ -108,6 +111,7 @@ class OdriveDriver final : public JointDriver {
   bool heartbeat_missing_ = false;
   float tau_ = 0;  // Nm
   bool was_told_home_ = false;
+  bool old_firmware_ = false;  // since it was heard first, or again
   AssumedHome assumed_home_;
   std::optional<DriveWords> firmware_;
   std::uint32_t asks_ = 0, ticks_to_ask_ = kTicksPerAsk;  // since the drive was heard first, or again
