@@ -23,47 +23,21 @@ struct BusUpOptions {
   bool dry_run = false;
 };
 
-LinkKind kind_of(const std::string& interface) {
-  const drivers::CanLink link = drivers::read_can_link(interface);
-  if (!link.exists || link.kind == "can") return LinkKind::controller;
-  return link.kind == "vcan" || link.kind == "vxcan" ? LinkKind::vcan : LinkKind::serial;
-}
-
-// What the controller took, held against the robot file: a kernel that takes a command need not do as it says.
-std::expected<void, Refusal> read_back(const config::Bus& bus, LinkKind kind) {
-  const drivers::CanLink link = drivers::read_can_link(bus.interface);
-  const std::string wrong = drivers::wrong_timing(bus, link);
-  if (!link.up || !wrong.empty())
-    return std::unexpected(Refusal{
-        kExitFailed, fmt::format("{} {}", bus.interface, link.up ? "has " + wrong : "did not stay up: see `dmesg`")});
-  fmt::print("{} is up for bus {}\n", bus.interface, bus.name);
-  if (kind == LinkKind::serial)
-    fmt::print("{}: the kernel knows no bit rate of it. Was slcand started with the option for {} bit/s?\n",
-               bus.interface, bus.bitrate);
-  return {};
-}
-
-std::expected<void, Refusal> bring_up(const config::RobotConfig& robot, std::size_t index, bool dry_run) {
-  const config::Bus& bus = robot.buses[index];
-  if (!dry_run && !std::filesystem::exists("/sys/class/net/" + bus.interface))
-    return std::unexpected(Refusal{
-        kExitUnavailable,
-        fmt::format("this machine has no interface {}: plug the adapter in, or load its driver", bus.interface)});
-  const LinkKind kind = kind_of(bus.interface);
-  for (const UpStep& step : up_steps(robot, index, kind)) {
-    if (dry_run) {
-      fmt::print("{}\n", line_of(step.command));
-      continue;
-    }
-    const ToolResult result = run_tool(step.command);
-    if (result.exit_code == kToolMissing)
-      return std::unexpected(Refusal{kExitUnavailable, "`ip` is not installed: apt-get install iproute2"});
-    if (result.exit_code == 0) continue;
-    if (!step.is_restart) return std::unexpected(Refusal{kExitFailed, why_refused(step.command, result.output)});
-    fmt::print("{}: its driver does not restart the controller after bus-off; then `takt bus up` does\n",
-               bus.interface);
+std::expected<void, Refusal> bring_interface_up(const config::RobotConfig& robot, std::size_t index, bool dry_run) {
+  const std::string& interface = robot.buses[index].interface;
+  const auto look = [&interface] { return drivers::read_can_link(interface); };
+  if (dry_run) {
+    for (const UpStep& step : up_steps(robot, index, kind_of(look()))) fmt::print("{}\n", line_of(step.command));
+    return {};
   }
-  return dry_run ? std::expected<void, Refusal>{} : read_back(bus, kind);
+  if (!std::filesystem::exists("/sys/class/net/" + interface))
+    return std::unexpected(
+        Refusal{kExitUnavailable,
+                fmt::format("this machine has no interface {}: plug the adapter in, or load its driver", interface)});
+  const auto told = bring_up(robot, index, {run_tool, look});
+  if (!told) return std::unexpected(told.error());
+  for (const std::string& sentence : *told) fmt::print("{}\n", sentence);
+  return {};
 }
 
 // A controller that is bus-off carries nothing that could be taken from under a robot.
@@ -90,7 +64,8 @@ std::expected<int, Refusal> up(const BusUpOptions& options) {
     if (const auto disarmed = require_disarmed(robot->executives); !disarmed) return std::unexpected(disarmed.error());
   }
   for (const std::size_t index : chosen) {
-    if (const auto done = bring_up(robot->config, index, options.dry_run); !done) return std::unexpected(done.error());
+    if (const auto done = bring_interface_up(robot->config, index, options.dry_run); !done)
+      return std::unexpected(done.error());
   }
   return kExitOk;
 }

@@ -56,7 +56,62 @@ constexpr Answer kAnswers[] = {
     {"Connection timed out", "the adapter does not answer: plug it in again"},
 };
 
+std::unexpected<Refusal> up_failed(std::string sentence) {
+  return std::unexpected(Refusal{kExitFailed, std::move(sentence)});
+}
+
+// What was set, held against the robot file: a kernel that takes a command need not do as it says.
+std::string wrong_after(const UpStep& step, const config::Bus& bus, const UpTools& tools) {
+  switch (step.sets) {
+    case UpStep::Sets::nothing:
+      return {};
+    case UpStep::Sets::timing:
+      return drivers::wrong_timing(bus, tools.look());
+    case UpStep::Sets::restart:
+      return tools.look().restart_ms == 0 ? "no restart after bus-off" : "";
+  }
+  return {};
+}
+
+std::string restart_note(const config::RobotConfig& robot, const config::Bus& bus) {
+  return fmt::format(
+      "{}: its driver does not restart the controller after bus-off; then this does: takt bus up --robot {} "
+      "--interface "
+      "{}",
+      bus.interface, robot.file, bus.interface);
+}
+
 }  // namespace
+
+LinkKind kind_of(const drivers::CanLink& link) {
+  if (!link.exists || link.kind == "can") return LinkKind::controller;
+  return link.kind == "vcan" || link.kind == "vxcan" ? LinkKind::vcan : LinkKind::serial;
+}
+
+std::expected<std::vector<std::string>, Refusal> bring_up(const config::RobotConfig& robot, std::size_t index,
+                                                          const UpTools& tools) {
+  const config::Bus& bus = robot.buses[index];
+  const LinkKind kind = kind_of(tools.look());
+  std::vector<std::string> told;
+  for (const UpStep& step : up_steps(robot, index, kind)) {
+    const ToolResult result = tools.run(step.command);
+    if (result.exit_code == kToolMissing)
+      return std::unexpected(Refusal{kExitUnavailable, "`ip` is not installed: apt-get install iproute2"});
+    const bool is_restart = step.sets == UpStep::Sets::restart;
+    if (result.exit_code != 0 && !is_restart) return up_failed(why_refused(step.command, result.output));
+    const std::string wrong = result.exit_code == 0 ? wrong_after(step, bus, tools) : std::string();
+    if (!wrong.empty() && !is_restart)
+      return up_failed(fmt::format("{}: `{}` was taken, and it has {}", bus.interface, line_of(step.command), wrong));
+    if (is_restart && (result.exit_code != 0 || !wrong.empty())) told.push_back(restart_note(robot, bus));
+  }
+  if (!tools.look().up) return up_failed(bus.interface + " did not stay up: see `dmesg`");
+  told.push_back(fmt::format("{} is up for bus {}", bus.interface, bus.name));
+  if (kind == LinkKind::serial)
+    told.push_back(
+        fmt::format("{}: the kernel knows no bit rate of it. Was slcand started with the option for {} bit/s?",
+                    bus.interface, bus.bitrate));
+  return told;
+}
 
 std::vector<UpStep> up_steps(const config::RobotConfig& robot, std::size_t index, LinkKind kind) {
   const config::Bus& bus = robot.buses[index];
@@ -65,9 +120,9 @@ std::vector<UpStep> up_steps(const config::RobotConfig& robot, std::size_t index
   const std::string queue = std::to_string(std::max(kFewestQueued, kQueuedPerDrive * drives));
   std::vector<UpStep> steps{{{"ip", "link", "set", bus.interface, "down"}}};
   if (kind == LinkKind::controller) {
-    steps.push_back({timing_command(bus)});
-    steps.push_back(
-        {{"ip", "link", "set", bus.interface, "type", "can", "restart-ms", std::to_string(kRestart_ms)}, true});
+    steps.push_back({timing_command(bus), UpStep::Sets::timing});
+    steps.push_back({{"ip", "link", "set", bus.interface, "type", "can", "restart-ms", std::to_string(kRestart_ms)},
+                     UpStep::Sets::restart});
   } else if (kind == LinkKind::vcan && bus.fd) {
     steps.push_back({{"ip", "link", "set", bus.interface, "mtu", "72"}});
   }
@@ -83,6 +138,8 @@ std::string why_refused(const Words& command, std::string_view said) {
   std::string mend;
   if (is_fd && said.find("Operation not supported") != std::string_view::npos)
     mend = "its adapter or driver has no CAN FD: write `fd: false`, or take another adapter";
+  else if (said.find("Operation not supported") != std::string_view::npos)
+    mend = "its driver does not do that: an adapter on a serial line gets its bit rate from slcand";
   else if (known != std::end(kAnswers))
     mend = known->mend;
   return fmt::format("`{}` failed: {}{}{}", line_of(command), line, mend.empty() ? "" : "; ", mend);

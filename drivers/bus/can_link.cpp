@@ -67,6 +67,7 @@ void read_timing(Bytes data, CanLink& link) {
   }
   if (const auto mode = first<can_ctrlmode>(attribute(data, IFLA_CAN_CTRLMODE)))
     link.fd = (mode->flags & CAN_CTRLMODE_FD) != 0;
+  link.restart_ms = first<std::uint32_t>(attribute(data, IFLA_CAN_RESTART_MS)).value_or(0);
 }
 
 void read_controller(Bytes data, Bytes happened, CanLink& link) {

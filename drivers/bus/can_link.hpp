@@ -25,6 +25,7 @@ struct CanLink {
   double sample_point = 0, data_sample_point = 0;  // share of a bit
   std::uint32_t sjw = 0, data_sjw = 0;             // time quanta
   bool fd = false;
+  std::uint32_t restart_ms = 0;    // from bus-off to the restart; 0: it stays off until it is brought up anew
   std::uint32_t queue_length = 0;  // frames
   // The controller's error counters, 0 to 255 and beyond; nothing where its driver does not tell them.
   std::optional<std::uint32_t> transmit_errors, receive_errors;

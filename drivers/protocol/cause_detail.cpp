@@ -17,6 +17,12 @@ namespace {
 using OfJoint = std::function<std::string(const JointRecord&, const config::Joint&)>;
 using OfBus = std::function<std::string(const BusHealth&)>;
 
+// A controller whose driver does not restart it stays off until it is brought up anew.
+std::string left_bus(const config::RobotConfig& robot, const config::Bus& bus) {
+  return "bus-off; where it stays off, this restarts it: takt bus up --robot " + robot.file + " --interface " +
+         bus.interface;
+}
+
 void add(CauseFindings& found, CauseFinding finding) {
   if (!finding.what.empty()) found.push_back(std::move(finding));
 }
@@ -32,6 +38,15 @@ CauseFindings buses_where(const TickRecord& record, const config::RobotConfig& r
   CauseFindings found;
   const std::size_t count = std::min<std::size_t>(record.header.bus_count, robot.buses.size());
   for (std::size_t b = 0; b < count; ++b) add(found, {CausePlace::bus, b, wrong(record.header.buses[b])});
+  return found;
+}
+
+CauseFindings buses_off(const TickRecord& record, const config::RobotConfig& robot) {
+  CauseFindings found;
+  const std::size_t count = std::min<std::size_t>(record.header.bus_count, robot.buses.size());
+  for (std::size_t b = 0; b < count; ++b)
+    if (record.header.buses[b].state == BusState::bus_off)
+      found.push_back({CausePlace::bus, b, left_bus(robot, robot.buses[b])});
   return found;
 }
 
@@ -137,8 +152,7 @@ CauseFindings cause_findings(Cause cause, const TickRecord& record, const config
     case Cause::envelope_exceeded:
       return joints_where(record, robot, outside);
     case Cause::bus_off:
-      return buses_where(record, robot,
-                         [](const BusHealth& bus) { return bus.state == BusState::bus_off ? "bus-off" : ""; });
+      return buses_off(record, robot);
     case Cause::bus_down:
       return buses_where(record, robot,
                          [](const BusHealth& bus) { return bus.state == BusState::down ? "down or gone" : ""; });

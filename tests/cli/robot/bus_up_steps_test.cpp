@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: a kernel's refusal is answered by what mends it, and by nothing else. Method: answers of `ip` as kernels and
-// drivers word them, each with the advice that fits.
+// Goal: a kernel's refusal is answered by what mends it, and by nothing else; each step is judged and read back.
+// Method: answers of `ip` as kernels and drivers word them, each with the advice that fits; interfaces that take what
+// their drivers take, played back.
 #include "cli/robot/bus_up_steps.hpp"
 
 #include <gtest/gtest.h>
@@ -28,6 +29,7 @@ const Said kSaid[] = {
     {kUp, "RTNETLINK answers: No such device\n", "the adapter is gone"},
     {kTiming, "RTNETLINK answers: Device or resource busy\n", "something else brought it up"},
     {kFdTiming, "RTNETLINK answers: Operation not supported\n", "has no CAN FD"},
+    {kTiming, "RTNETLINK answers: Operation not supported\n", "gets its bit rate from slcand"},
     {kTiming, "Error: bitrate error 12.5% too high\n", "cannot make this bit timing"},
     {kTiming, "RTNETLINK answers: Numerical result out of range\n", "cannot make this bit timing"},
     {kTiming, "RTNETLINK answers: Invalid argument\n", "cannot make this bit timing"},
@@ -63,13 +65,87 @@ TEST(BusUpSteps, TheRestartIsAStepOfItsOwnThatMayBeRefused) {
   ASSERT_EQ(steps.size(), 4U);
   EXPECT_EQ(line_of(steps[1].command), "ip link set can0 type can bitrate 1000000 dbitrate 5000000 fd on");
   EXPECT_EQ(line_of(steps[2].command), "ip link set can0 type can restart-ms 100");
-  for (std::size_t i = 0; i < steps.size(); ++i) EXPECT_EQ(steps[i].is_restart, i == 2);
+  for (std::size_t i = 0; i < steps.size(); ++i) EXPECT_EQ(steps[i].sets == UpStep::Sets::restart, i == 2);
 }
 
 TEST(BusUpSteps, NoBitRateIsSetWhereTheKernelHasNone) {
   EXPECT_EQ(up_steps(one_bus(false), 0, LinkKind::vcan).size(), 2U);
   EXPECT_EQ(line_of(up_steps(one_bus(true), 0, LinkKind::vcan)[1].command), "ip link set can0 mtu 72");
   EXPECT_EQ(up_steps(one_bus(false), 0, LinkKind::serial).size(), 2U);
+}
+
+// An interface, and what its driver makes of commands.
+struct Played {
+  drivers::CanLink link;
+  std::string refused;  // the command whose line has this is answered with `answer`
+  const char* answer = "";
+  bool forgets_bitrate = false, falls_down = false;
+  int commands = 0;
+
+  ToolResult run(const Words& command) {
+    ++commands;
+    const std::string line = line_of(command);
+    if (!refused.empty() && line.find(refused) != std::string::npos) return {2, answer};
+    if (line.find(" bitrate ") != std::string::npos && !forgets_bitrate) link.bitrate = 1'000'000;
+    if (line.find("restart-ms") != std::string::npos) link.restart_ms = 100;
+    if (line.ends_with(" down")) link.up = false;
+    if (line.ends_with(" up")) link.up = !falls_down;
+    return {0, ""};
+  }
+  std::expected<std::vector<std::string>, Refusal> bring_up() {
+    config::RobotConfig robot = one_bus(false);
+    robot.file = "robot.yaml";
+    return cli::bring_up(robot, 0, {[this](const Words& command) { return run(command); }, [this] { return link; }});
+  }
+};
+drivers::CanLink controller() {
+  return {.exists = true, .kind = "can", .up = true, .controller_state = "BUS-OFF", .bitrate = 500'000};
+}
+
+TEST(BusUpSteps, AControllerIsGivenItsTimingAndItsRestart) {
+  Played interface { .link = controller() };
+  const auto told = interface.bring_up();
+  ASSERT_TRUE(told.has_value()) << told.error().sentence;
+  EXPECT_EQ(*told, std::vector<std::string>{"can0 is up for bus left"});
+  EXPECT_EQ(interface.link.restart_ms, 100U);
+}
+
+// gs_usb (candleLight, CANable) since Linux 6.12.47: without do_set_mode the restart is refused, and nothing else.
+TEST(BusUpSteps, AnAdapterThatCannotRestartIsUpAndToldOf) {
+  Played interface {
+    .link = controller(), .refused = "restart-ms", .answer = "RTNETLINK answers: Operation not supported"
+  };
+  const auto told = interface.bring_up();
+  ASSERT_TRUE(told.has_value()) << told.error().sentence;
+  ASSERT_EQ(told->size(), 2U);
+  EXPECT_NE(told->front().find("takt bus up --robot robot.yaml --interface can0"), std::string::npos) << told->front();
+  EXPECT_TRUE(interface.link.up);
+  EXPECT_EQ(interface.link.bitrate, 1'000'000U);
+}
+
+TEST(BusUpSteps, WhatWasTakenAndNotDoneIsNoSuccess) {
+  Played forgetful{.link = controller(), .forgets_bitrate = true};
+  const auto told = forgetful.bring_up();
+  ASSERT_FALSE(told.has_value());
+  EXPECT_NE(told.error().sentence.find("500000 bit/s, the robot file says 1000000 bit/s"), std::string::npos);
+  EXPECT_FALSE(forgetful.link.up) << "not with another bit rate";
+  Played falling{.link = controller(), .falls_down = true};
+  const auto fallen = falling.bring_up();
+  ASSERT_FALSE(fallen.has_value());
+  EXPECT_NE(fallen.error().sentence.find("did not stay up"), std::string::npos);
+}
+
+TEST(BusUpSteps, ASerialLineIsNoVirtualBus) {
+  Played interface {
+    .link = {.exists = true, .kind = "", .is_virtual = true }
+  };
+  const auto told = interface.bring_up();
+  ASSERT_TRUE(told.has_value()) << told.error().sentence;
+  EXPECT_NE(told->back().find("Was slcand started with the option for 1000000 bit/s?"), std::string::npos);
+  Played vcan{.link = {.exists = true, .kind = "vcan", .is_virtual = true}};
+  ASSERT_TRUE(vcan.bring_up().has_value());
+  EXPECT_EQ(vcan.bring_up()->size(), 1U);
+  EXPECT_EQ(vcan.link.bitrate, 0U);
 }
 
 }  // namespace

@@ -46,6 +46,7 @@ TEST(CanLink, ReadsAController) {
   EXPECT_EQ(link.transmit_errors, 0U);
   EXPECT_EQ(link.receive_errors, 0U);
   EXPECT_EQ(link.went_off, 0U);
+  EXPECT_EQ(link.restart_ms, 100U);
 }
 
 TEST(CanLink, AVirtualInterfaceHasNoBitTiming) {

@@ -94,7 +94,10 @@ TEST_F(CauseDetail, TellsWhichPartIsHot) {
 
 TEST_F(CauseDetail, NamesTheBus) {
   record->header.buses[1].state = BusState::bus_off;
-  EXPECT_EQ(detail(Cause::bus_off), "bus can1: bus-off");
+  robot.file = "r.yaml";
+  robot.buses[1].interface = "can1";
+  EXPECT_EQ(detail(Cause::bus_off),
+            "bus can1: bus-off; where it stays off, this restarts it: takt bus up --robot r.yaml --interface can1");
   record->header.buses[0].foreign_frames = 12;
   EXPECT_EQ(detail(Cause::foreign_node), "bus can0: 12 frames foreign since start");
   record->joints[2].reply_faults = bit(ReplyFault::lost) | bit(ReplyFault::delayed);
