@@ -8,9 +8,11 @@
 // Thread rule: control thread only, after construction. Nothing allocates or throws after construction.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 
 #include "drivers/bus/can_bus.hpp"
@@ -84,6 +86,12 @@ constexpr DriveSetpoint to_motor(const JointMapping& mapping, const DriveSetpoin
           .tau = joint.tau / mapping.ratio};
 }
 
+// A number too large for the joint's side is the largest there is; NaN stays NaN.
+constexpr float bounded(float value) noexcept {
+  constexpr float kMost = std::numeric_limits<float>::max();
+  return std::clamp(value, -kMost, kMost);
+}
+
 // What the drive measured, motor side, becomes the joint's feedback, and counts as one more reply. A reading older than
 // the newest one (its stamp says so, or is none) only counts: what is known is not replaced by what was. False then.
 constexpr bool take_reading(const JointMapping& mapping, float q, float dq, float tau, MonoTime received_at,
@@ -91,9 +99,9 @@ constexpr bool take_reading(const JointMapping& mapping, float q, float dq, floa
   ++feedback.replies;
   if (received_at < feedback.received_at) return false;
   feedback.received_at = received_at;
-  feedback.q = q / mapping.ratio + mapping.offset;
-  feedback.dq = dq / mapping.ratio;
-  feedback.tau = tau * mapping.ratio;
+  feedback.q = bounded(q / mapping.ratio + mapping.offset);
+  feedback.dq = bounded(dq / mapping.ratio);
+  feedback.tau = bounded(tau * mapping.ratio);
   return true;
 }
 
@@ -115,6 +123,8 @@ class JointDriver {
   // True when the frame is this drive's; updates feedback.
   virtual bool decode(const ReceivedFrame& received) noexcept = 0;
   [[nodiscard]] virtual const JointFeedback& feedback() const noexcept = 0;
+  // What the drive told of itself that is no fault, as error_name() takes it; 0: nothing. For a person's tools.
+  [[nodiscard]] virtual std::uint32_t remark() const noexcept { return 0; }
 };
 
 }  // namespace takt::drivers

@@ -47,6 +47,16 @@ std::vector<std::string> missing_for_arming(const TickRecord& latest, const pipe
   return sentences;
 }
 
+std::vector<std::string> drive_faults(const TickRecord& latest, const pipeline::TickConfig& config,
+                                      const std::vector<config::Joint>& joints) {
+  std::array<pipeline::ArmingBlocker, kMaxBlockers> blockers{};
+  const std::size_t count = pipeline::arming_blockers(latest, config, blockers);
+  std::vector<std::string> sentences;
+  for (const auto& blocker : std::span(blockers).first(std::min(count, blockers.size())))
+    if (blocker.what == pipeline::kDriveFaultBlocker) sentences.push_back(sentence_of(blocker, latest, joints));
+  return sentences;
+}
+
 std::string active_causes(const TickRecordHeader& tick) {
   std::string names;
   for (std::size_t cause = 1; cause < kCauseCount; ++cause) {

@@ -23,6 +23,10 @@ struct ArmingSituation {
 std::vector<std::string> missing_for_arming(const TickRecord& latest, const pipeline::TickConfig& config,
                                             const std::vector<config::Joint>& joints, const ArmingSituation& situation);
 
+// Of these the faults that drives report.
+std::vector<std::string> drive_faults(const TickRecord& latest, const pipeline::TickConfig& config,
+                                      const std::vector<config::Joint>& joints);
+
 // "drive_fault, bus_off": names of the causes that hold in this tick.
 std::string active_causes(const TickRecordHeader& tick);
 

@@ -45,6 +45,9 @@ OperatorReply Reception::answer(const OperatorMessage& message) {
   switch (verb) {
     case OperatorVerb::status:
       reply.done = 1;
+      parts_.follower.catch_up();
+      if (const TickRecord& latest = parts_.follower.latest(); latest.header.mode == Mode::standby)
+        for (const std::string& fault : drive_faults(latest, parts_.config, parts_.robot.joints)) say(reply, fault);
       for (const config::WatchdogWaiver& waiver : config::watchdog_waivers(parts_.robot))
         say(reply,
             "joint " + waiver.joint + ": its drive need not stop by itself (watchdog_waiver: " + waiver.reason + ")");

@@ -158,8 +158,13 @@ std::optional<SdoAnswer> decode_sdo_answer(const CanFrame& frame) noexcept {
     answer.kind = SdoAnswer::Kind::segmented;
     return answer;
   }
-  if ((command & 0xF3U) != 0x43) return std::nullopt;
   answer.kind = SdoAnswer::Kind::value;
+  if (command == 0x42) {  // expedited, without a size
+    answer.value = get(frame, 4, 4);
+    answer.is_sized = false;
+    return answer;
+  }
+  if ((command & 0xF3U) != 0x43) return std::nullopt;
   answer.value = get(frame, 4, 4U - (command >> 2U & 3U));
   return answer;
 }

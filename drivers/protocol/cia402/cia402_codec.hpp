@@ -68,6 +68,8 @@ struct SdoAnswer {
   Kind kind = Kind::written;
   ObjectId object;
   std::uint32_t value = 0;  // kind value: zero-extended; kind aborted: the CiA 301 abort code
+  // False: the drive did not say how many of the four bytes count (command 42), and the rest may be anything.
+  bool is_sized = true;
 };
 // Nothing for segments, and for block transfers, which nobody asked for.
 std::optional<SdoAnswer> decode_sdo_answer(const CanFrame& frame) noexcept;

@@ -89,9 +89,11 @@ void Cia402Driver::note_obedience(std::uint16_t statusword) noexcept {
 void Cia402Driver::note_wish(bool enable) noexcept {
   if (!enable) {
     wish_ = Wish::disable;
-    disobedience_ = 0;
+    disobedience_ = entering_ticks_ = 0;
     return;
   }
+  if (wish_ == Wish::enter && power_ != PowerState::operation_enabled && ++entering_ticks_ > settings_.enable_ticks)
+    disobedience_ = kStaysOff | statusword_;
   if (disobedience_ != 0) wish_ = Wish::left;
   if (!setup_.done() || heartbeat_lost_) wish_ = Wish::left;
   if (wish_ == Wish::disable) wish_ = Wish::enter;
@@ -157,6 +159,7 @@ bool Cia402Driver::take_report(const ReceivedFrame& received) noexcept {
     ++malformed_frames_;
     return false;
   }
+  statusword_ = report->statusword;
   power_ = cia402::power_state(report->statusword);
   note_obedience(report->statusword);
   estimate_velocity(report->position, received.received_at);

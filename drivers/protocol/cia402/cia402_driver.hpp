@@ -14,7 +14,8 @@
 //   enabled, the target is one that pushes nowhere. Enabled is what the drive calls "operation enabled", nothing less.
 // enabled once: a drive that leaves operation by itself, whatever for, gets 00 until `enable` was false in between. So
 //   does one that says it is enabled and ignores its target (statusword bit 12 clear for follow_ticks: kNotFollowing),
-//   or that a limit inside it stands in the target's way (bit 11 set for limit_ticks: kLimited).
+//   or that a limit inside it stands in the target's way (bit 11 set for limit_ticks: kLimited), or that does not get
+//   there within enable_ticks (kStaysOff and its statusword).
 // Faults: error_code is the newest EMCY code (kGenericError if none was heard); no heartbeat for three of its periods
 //   is kHeartbeatLost, until set-up went through again; SetupFault as in cia402_setup.hpp.
 // A drive that watches our heartbeat hears it every our_heartbeat_ticks, from the set-up on.
@@ -40,7 +41,7 @@ struct Cia402DriveSettings {
   JointMapping mapping;
   float velocity_bandwidth = 200;  // rad/s
   std::uint32_t max_heartbeat_ticks = 300;
-  std::uint32_t our_heartbeat_ticks = 10, follow_ticks = 50, limit_ticks = 1000;  // each >= 1
+  std::uint32_t our_heartbeat_ticks = 10, follow_ticks = 50, limit_ticks = 1000, enable_ticks = 450;  // each >= 1
   bool sends_sync = true;
 };
 
@@ -48,6 +49,7 @@ class Cia402Driver final : public JointDriver {
  public:
   static constexpr std::uint32_t kGenericError = 0x1000, kHeartbeatLost = 0x8130;  // CiA 301 error codes
   static constexpr std::uint32_t kNotFollowing = 0x1'0001, kLimited = 0x1'0002;    // beyond them
+  static constexpr std::uint32_t kStaysOff = 0x2'0000;                             // its lower half: the statusword
 
   explicit Cia402Driver(const Cia402DriveSettings& settings) noexcept;
 
@@ -56,6 +58,8 @@ class Cia402Driver final : public JointDriver {
   void assume_set_up() noexcept override { setup_.assume_done(); }
   bool decode(const ReceivedFrame& received) noexcept override;
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
+  // The newest EMCY code.
+  [[nodiscard]] std::uint32_t remark() const noexcept override { return emergency_; }
   // Frames on the drive's ids that this protocol does not know.
   [[nodiscard]] std::uint64_t malformed_frames() const noexcept { return malformed_frames_; }
   // What the drive said to SetupFault::setup_refused; 0: nothing yet.
@@ -100,7 +104,9 @@ class Cia402Driver final : public JointDriver {
   std::uint32_t reset_ticks_ = 0;
   std::uint32_t our_heartbeat_age_ = 0;                      // ticks
   std::uint32_t ignored_reports_ = 0, limited_reports_ = 0;  // in a row, while it drives
-  std::uint32_t disobedience_ = 0;                           // kNotFollowing or kLimited, until `enable` was false
+  std::uint32_t disobedience_ = 0;    // kNotFollowing, kLimited or kStaysOff, until `enable` was false
+  std::uint32_t entering_ticks_ = 0;  // since it was asked to enable operation
+  std::uint16_t statusword_ = 0;      // of the newest TPDO
 };
 
 // The protocol's row in the table.

@@ -144,6 +144,33 @@ constexpr std::array kClasses{
     NamedCode{0xFF, "maker's own error"},
 };
 
+const char* words_of_state(cia402::PowerState state) {
+  switch (state) {
+    case cia402::PowerState::not_ready:
+      return "not ready to switch on: it still starts, or waits for its supply";
+    case cia402::PowerState::switch_on_disabled:
+      return "switch-on disabled: is safe torque off (STO) released, and is there supply for its power stage?";
+    case cia402::PowerState::ready:
+      return "ready to switch on: does its power stage get its supply?";
+    case cia402::PowerState::switched_on:
+      return "switched on: does its brake or an enable input keep it there?";
+    case cia402::PowerState::quick_stop:
+      return "quick stop";
+    case cia402::PowerState::operation_enabled:
+    case cia402::PowerState::fault_reaction:
+    case cia402::PowerState::fault:
+    case cia402::PowerState::undefined:
+      break;
+  }
+  return "no state of CiA 402";
+}
+
+std::string stays_off(std::uint16_t statusword) {
+  std::array<char, 48> text{};
+  std::snprintf(text.data(), text.size(), "it does not enable: statusword %04X, ", statusword);
+  return text.data() + std::string(words_of_state(cia402::power_state(statusword)));
+}
+
 template <std::size_t kCount>
 const char* name_in(const std::array<NamedCode, kCount>& table, std::uint32_t code) {
   const auto* found = std::ranges::find(table, code, &NamedCode::code);
@@ -186,6 +213,9 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_cia402_driver(cons
   settings.our_heartbeat_ticks = ticks_in(cia402::kOurHeartbeatPeriod, period);
   settings.follow_ticks = ticks_in(milliseconds(50), period);
   settings.limit_ticks = ticks_in(seconds(1), period);
+  // Before the executive's own patience ends, so that the drive's words are told.
+  if (const std::int64_t patience_ns = robot.feedback.enable_timeout.ns; patience_ns > 0)
+    settings.enable_ticks = ticks_in(Duration{patience_ns / 10 * 9}, period);
   settings.sends_sync = is_last_of_its_bus(robot, joint);
   return std::make_unique<Cia402Driver>(settings);
 }
@@ -211,6 +241,7 @@ std::string cia402_error_name(const config::Drive& /*drive*/, std::uint32_t code
     return "it is enabled and does not obey its target (statusword bit 12): another mode, a halt or a limit of its own";
   if (code == Cia402Driver::kLimited)
     return "a limit inside the drive has stood in the target's way for a second (statusword bit 11)";
+  if ((code & ~0xFFFFU) == Cia402Driver::kStaysOff) return stays_off(static_cast<std::uint16_t>(code & 0xFFFFU));
   if (code == 0 || code > 0xFFFF) return {};
   if (const char* const name = name_in(kCodes, code)) return name;
   if (const char* const name = name_in(kClasses, code >> 8U)) return name;

@@ -109,6 +109,10 @@ std::uint32_t velocity_unit(const SetupValues& values) {
   return 0;
 }
 
+constexpr std::uint32_t mask_of(unsigned bytes) {
+  return bytes >= 4 ? 0xFFFF'FFFFU : (1U << 8U * bytes) - 1U;
+}
+
 // What was read, against what it should be.
 bool same_profile(std::uint32_t expected, std::uint32_t found) {
   return (found & 0xFFFFU) == expected;
@@ -395,7 +399,7 @@ void Setup::take(const SdoAnswer& answer) noexcept {
       asked_ = waiting_ = 0;
       return;
     case SdoAnswer::Kind::value:
-      if (reads()) take_value(answer.value);
+      if (reads()) take_value(answer.is_sized ? answer.value : answer.value & mask_of(kScript[row_].bytes));
       return;
     case SdoAnswer::Kind::written:
       if (reads()) return;

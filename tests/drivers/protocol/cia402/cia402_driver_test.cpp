@@ -104,6 +104,52 @@ TEST(Cia402Driver, KnowsNothingUntilTheDriveSaysItIsOperational) {
   EXPECT_EQ(bench.state(), DriveState::disabled);
 }
 
+// Goal: a drive whose safe torque off is not released says why it does not enable. Method: its statusword stays at
+// switch-on disabled while it is asked.
+TEST(Cia402Driver, ADriveThatDoesNotEnableTellsItsStatusword) {
+  Cia402DriveSettings patient = settings();
+  patient.enable_ticks = 20;
+  Bench bench(patient);
+  bench.set_up();
+  for (int i = 0; i < 25; ++i) {
+    bench.hear(tpdo(kNode, kSwitchOnDisabled));
+    bench.heartbeat();
+    bench.tick(true);
+  }
+  EXPECT_EQ(bench.state(), DriveState::fault);
+  const std::string said = error_name({.protocol = config::DriveProtocol::cia402}, bench.error());
+  EXPECT_NE(said.find("statusword 0250, switch-on disabled: is safe torque off (STO) released"), std::string::npos)
+      << said;
+  EXPECT_EQ(bench.controlword(true), 0) << "not asked any more";
+  bench.tick(false);
+  bench.hear(tpdo(kNode, kSwitchOnDisabled));
+  EXPECT_EQ(bench.state(), DriveState::disabled) << "until the next time";
+}
+
+// Goal: what a drive tells that is no fault is known to the tools and stops nothing. Method: EMCY 8110 of a drive that
+// goes on; then its end (code 0).
+TEST(Cia402Driver, AnEmergencyWithoutAFaultIsARemark) {
+  Bench bench;
+  bench.enable();
+  bench.hear(frame(0x80 + kNode, {0x10, 0x81, 0x11, 0, 0, 0, 0, 0}));
+  EXPECT_EQ(bench.driver.remark(), 0x8110U);
+  EXPECT_EQ(error_name({.protocol = config::DriveProtocol::cia402}, bench.driver.remark()), "CAN overrun");
+  EXPECT_EQ(bench.state(), DriveState::enabled);
+  EXPECT_EQ(bench.error(), 0U);
+  bench.hear(frame(0x80 + kNode, {0, 0, 0, 0, 0, 0, 0, 0}));
+  EXPECT_EQ(bench.driver.remark(), 0U);
+}
+
+// Goal: what a drive tells of its torque never becomes a number that is none. Method: the largest float, behind a gear.
+TEST(Cia402Driver, WhatIsTooLargeForTheJointsSideIsTheLargestNumber) {
+  JointFeedback feedback;
+  take_reading({.ratio = 50, .offset = 0}, 0, 0, 3e38F, MonoTime{1}, feedback);
+  EXPECT_EQ(feedback.tau, std::numeric_limits<float>::max());
+  take_reading({.ratio = -0.01F, .offset = 0}, 3e38F, 3e38F, 1, MonoTime{2}, feedback);
+  EXPECT_EQ(feedback.q, std::numeric_limits<float>::lowest());
+  EXPECT_EQ(feedback.dq, std::numeric_limits<float>::lowest());
+}
+
 TEST(Cia402Driver, SyncFollowsTheCommandAndIsOneDriversOnly) {
   Bench last;
   EXPECT_EQ(text(last.tick(false).back()), "080#") << "during set-up as well: other drives need it";
