@@ -20,17 +20,23 @@ namespace {
 struct BusOptions {
   std::string robot_file, runtime_dir;
   double seconds = 0;
-  bool json = false;
+  bool json = false, listen = false;
 };
 
-constexpr long kLookPeriod_ns = 5'000'000;
-constexpr Duration kShowPeriod = milliseconds(500);
+constexpr Duration kLookPeriod = milliseconds(5), kShowPeriod = milliseconds(500);
+constexpr Duration kListenFirst = milliseconds(500);  // for commands of another program
 
 volatile std::sig_atomic_t g_watch_interrupted = 0;
 
-void pause_a_little() {
-  const timespec pause{0, kLookPeriod_ns};
+void pause_for(Duration span) {
+  const timespec pause{span.ns / 1'000'000'000, span.ns % 1'000'000'000};
   ::nanosleep(&pause, nullptr);
+}
+
+void say_that_it_asks(bool json) {
+  if (!json)
+    fmt::print(stderr,
+               "no other program asks the drives: this one does, and keeps them disabled (--listen: it does not)\n");
 }
 
 std::expected<int, Refusal> watch(const BusOptions& options) {
@@ -51,7 +57,17 @@ std::expected<int, Refusal> watch(const BusOptions& options) {
     return g_watch_interrupted != 0 || (options.seconds > 0 && (now - started).seconds() >= options.seconds);
   };
   watched.count(started);
+  // Held for as long as it may ask: nobody else does meanwhile.
+  std::expected<std::vector<drivers::InterfaceClaim>, Refusal> alone = std::unexpected(Refusal{});
+  if (!options.listen) alone = require_alone(*robot);
+  bool may_ask = alone.has_value(), asks = false;
   for (MonoTime now = started; !over(now); now = monotonic_now()) {
+    if (may_ask && now - started >= kListenFirst) {
+      may_ask = false;
+      asks = !watched.heard_commands();
+      if (asks) say_that_it_asks(options.json);
+      if (asks) watched.begin_to_ask();
+    }
     watched.listen();
     if (now - shown >= kShowPeriod && redraw) {
       watched.count(now);
@@ -59,7 +75,7 @@ std::expected<int, Refusal> watch(const BusOptions& options) {
       std::fflush(stdout);
       shown = now;
     }
-    pause_a_little();
+    pause_for(asks ? robot->config.control.period : kLookPeriod);
   }
   if (!redraw) watched.count(monotonic_now());
   fmt::print("{}{}", options.json ? watched.json(monotonic_now()) : watched.table(monotonic_now()),
@@ -77,15 +93,18 @@ void add_bus(CLI::App& app, int& exit_code) {
   add_bus_up(*bus, exit_code);
   add_bus_disable(*bus, exit_code);
   auto options = std::make_shared<BusOptions>();
-  CLI::App* command = bus->add_subcommand("watch", "What the drives say, decoded, live; sends nothing.");
+  CLI::App* command = bus->add_subcommand("watch", "What the drives say, decoded, live.");
   command->add_option("--robot", options->robot_file, "robot file")->required();
   command->add_option("--runtime-dir", options->runtime_dir,
                       "where loopback buses are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
   add_quantity(*command, "--seconds", options->seconds, "s", "end after this long; default: at Ctrl-C")
       ->check(CLI::PositiveNumber);
   command->add_flag("--json", options->json, "at the end, one line of JSON instead of the table");
+  command->add_flag("--listen", options->listen, "send nothing, even if no other program asks the drives");
   command->footer(
       "Example: takt bus watch --robot robot.yaml --seconds 2\n"
+      "Beside an executive, or another program whose commands are heard, it listens. Where there is none it asks the "
+      "drives\nafter half a second: it tells them to be disabled, sets them up, and shows what they refuse.\n"
       "Replies per second are over the last half second, with --json or --seconds over the whole time.\n"
       "Exit codes: 0 watched, 64 command line, 65 configuration, 69 a bus is not there.");
   command->callback([options, &exit_code] {

@@ -3,7 +3,6 @@
 // runs after the executive ended, however it ended; so a bus that is not there does not keep it from the others.
 #include <fmt/format.h>
 
-#include <array>
 #include <cstdio>
 #include <ctime>
 #include <memory>
@@ -12,9 +11,8 @@
 
 #include "cli/command.hpp"
 #include "cli/quantity_option.hpp"
-#include "cli/robot/direct_bus.hpp"
+#include "cli/robot/asked_drives.hpp"
 #include "config/load.hpp"
-#include "drivers/protocol/protocol_table.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 
 namespace takt::cli {
@@ -43,67 +41,36 @@ bool is_disabled(const JointFeedback& feedback) {
 
 class Disabler {
  public:
-  // The error: a drive of the file that no driver can be made for.
   static std::expected<Disabler, Refusal> open(const DirectRobot& robot) {
-    Disabler made(robot.config);
-    for (std::size_t joint = 0; joint < robot.config.joints.size(); ++joint) {
-      auto driver = drivers::make_joint_driver(robot.config, joint);
-      if (!driver) return std::unexpected(Refusal{config::kExitBadConfiguration, driver.error()});
-      made.drivers_.push_back(std::move(*driver));
-    }
-    made.disabled_.resize(made.drivers_.size());
-    for (std::size_t bus = 0; bus < robot.config.buses.size(); ++bus) {
-      auto opened = open_bus(robot, bus);
-      if (!opened) made.missing_.push_back(opened.error().sentence);
-      made.buses_.push_back(opened ? std::move(*opened) : nullptr);
-    }
-    return made;
+    auto drives = AskedDrives::open(robot);
+    if (!drives) return std::unexpected(drives.error());
+    return Disabler(std::move(*drives));
   }
 
-  // One control period: what came in is heard, every drive is told once more.
   void turn() {
-    for (std::size_t bus = 0; bus < buses_.size(); ++bus) hear(bus);
-    for (std::size_t joint = 0; joint < drivers_.size(); ++joint) {
-      const JointFeedback& feedback = drivers_[joint]->feedback();
+    drives_.turn();
+    for (std::size_t joint = 0; joint < drives_.count(); ++joint) {
+      const JointFeedback& feedback = drives_.feedback(joint);
       if (feedback.received_at.is_set() && is_disabled(feedback)) disabled_[joint] = true;
     }
-    std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
-    for (std::size_t joint = 0; joint < drivers_.size(); ++joint) {
-      if (!is_reached(joint)) continue;
-      const std::size_t frames = drivers_[joint]->encode(false, {}, {}, {}, out);
-      for (std::size_t i = 0; i < frames; ++i) buses_[robot_->joints[joint].bus]->send(out[i]);
-    }
   }
-  // Whether its bus is there.
-  [[nodiscard]] bool is_reached(std::size_t joint) const { return buses_[robot_->joints[joint].bus] != nullptr; }
   // Why buses are not there.
-  [[nodiscard]] const std::vector<std::string>& missing() const { return missing_; }
+  [[nodiscard]] const std::vector<std::string>& missing() const { return drives_.missing(); }
   // It said so since we began; nobody enables it meanwhile.
   [[nodiscard]] bool disabled(std::size_t joint) const { return disabled_[joint]; }
   // Of those that are reached.
   [[nodiscard]] std::vector<std::size_t> not_disabled() const {
     std::vector<std::size_t> joints;
-    for (std::size_t joint = 0; joint < drivers_.size(); ++joint)
-      if (is_reached(joint) && !disabled_[joint]) joints.push_back(joint);
+    for (std::size_t joint = 0; joint < drives_.count(); ++joint)
+      if (drives_.is_reached(joint) && !disabled_[joint]) joints.push_back(joint);
     return joints;
   }
 
  private:
-  explicit Disabler(const config::RobotConfig& robot) : robot_(&robot) {}
-  void hear(std::size_t bus) {
-    if (!buses_[bus]) return;
-    const std::size_t count = buses_[bus]->receive(received_);
-    for (std::size_t i = 0; i < count; ++i)
-      for (std::size_t joint = 0; joint < drivers_.size(); ++joint)
-        if (robot_->joints[joint].bus == bus && drivers_[joint]->decode(received_[i])) break;
-  }
+  explicit Disabler(AskedDrives drives) : drives_(std::move(drives)), disabled_(drives_.count()) {}
 
-  const config::RobotConfig* robot_;
-  std::vector<std::unique_ptr<drivers::CanBus>> buses_;  // null: not there
-  std::vector<std::string> missing_;
-  std::vector<std::unique_ptr<drivers::JointDriver>> drivers_;
+  AskedDrives drives_;
   std::vector<bool> disabled_;
-  std::array<drivers::ReceivedFrame, 64> received_;
 };
 
 // A drive that was enabled when it last spoke may have spoken before it heard: at least so many periods are sent.

@@ -3,28 +3,64 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "config/drive_ids.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "executive/contract/feedback_names.hpp"
+#include "executive/contract/monotonic_clock.hpp"
 
 namespace takt::cli {
+namespace {
+
+bool is_command(const config::RobotConfig& robot, std::size_t bus, const drivers::CanFrame& frame) {
+  return std::ranges::any_of(robot.joints, [&](const config::Joint& joint) {
+    const config::DriveIds ids = config::ids_of(joint.drive);
+    const auto matches = [&frame](const config::IdPattern& one) { return one.matches(frame.id, frame.extended); };
+    return joint.bus == bus &&
+           (std::ranges::any_of(ids.commands, matches) || std::ranges::any_of(ids.broadcasts, matches));
+  });
+}
+
+}  // namespace
+
 BusWatch::BusWatch(const config::RobotConfig& robot, std::vector<std::unique_ptr<drivers::CanBus>> buses)
     : robot_(robot),
       buses_(std::move(buses)),
       received_(64),
       frames_(robot.buses.size()),
       strangers_(robot.buses.size()) {
-  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
-    auto driver = drivers::make_joint_driver(robot, joint);
+  make_drivers(false);
+}
+
+void BusWatch::make_drivers(bool asks) {
+  joints_.clear();
+  for (std::size_t joint = 0; joint < robot_.joints.size(); ++joint) {
+    auto driver = drivers::make_joint_driver(robot_, joint);
     if (!driver) throw std::runtime_error(driver.error());
-    (*driver)->assume_set_up();
+    if (!asks) (*driver)->assume_set_up();
     joints_.push_back({std::move(*driver)});
   }
 }
 
+void BusWatch::begin_to_ask() {
+  asks_ = true;
+  make_drivers(true);
+}
+
+void BusWatch::ask() {
+  std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
+  for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
+    const std::size_t frames = joints_[joint].driver->encode(false, {}, monotonic_now(), {}, out);
+    for (std::size_t i = 0; i < frames; ++i) buses_[robot_.joints[joint].bus]->send(out[i]);
+  }
+}
+
 void BusWatch::listen() {
+  if (asks_) ask();
   for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
     const std::size_t count = buses_[bus]->receive(received_);
     frames_[bus] += count;
@@ -38,6 +74,7 @@ void BusWatch::listen() {
         joints_[joint].replies += static_cast<std::uint8_t>(driver.feedback().replies - before);
       }
       strangers_[bus] += known ? 0 : 1;
+      heard_commands_ = heard_commands_ || (!known && is_command(robot_, bus, received_[i].frame));
     }
   }
 }
@@ -52,7 +89,8 @@ void BusWatch::count(MonoTime now) {
 }
 
 std::string BusWatch::error_of(std::size_t joint) const {
-  const std::uint32_t code = joints_[joint].driver->feedback().error_code;
+  const drivers::JointDriver& driver = *joints_[joint].driver;
+  const std::uint32_t error = driver.feedback().error_code, code = error != 0 ? error : driver.remark();
   return code == 0 ? "" : drivers::error_name(robot_.joints[joint].drive, code);
 }
 
@@ -63,8 +101,9 @@ std::string BusWatch::table(MonoTime now) const {
     const config::Joint& known = robot_.joints[joint];
     const JointFeedback& feedback = joints_[joint].driver->feedback();
     if (!feedback.received_at.is_set()) {
-      text += fmt::format("{:<20} {:<8} {:<9} silent\n", known.name, robot_.buses[known.bus].name,
-                          config::name(known.drive.protocol));
+      const std::string error = error_of(joint);  // a drive may answer questions alone
+      text += fmt::format("{:<20} {:<8} {:<9} {}\n", known.name, robot_.buses[known.bus].name,
+                          config::name(known.drive.protocol), error.empty() ? "silent" : error);
       continue;
     }
     text += fmt::format("{:<20} {:<8} {:<9} {:<9} {:>9.4f} {:>9.3f} {:>6.0f} {:>9.1f} {:>9.0f}  {}\n", known.name,
@@ -100,7 +139,7 @@ std::string BusWatch::json(MonoTime now) const {
   nlohmann::ordered_json buses = nlohmann::ordered_json::array();
   for (std::size_t bus = 0; bus < buses_.size(); ++bus)
     buses.push_back({{"bus", robot_.buses[bus].name}, {"frames", frames_[bus]}, {"no_drives_word", strangers_[bus]}});
-  return nlohmann::ordered_json{{"joints", joints}, {"buses", buses}}.dump();
+  return nlohmann::ordered_json{{"asked", asks_}, {"joints", joints}, {"buses", buses}}.dump();
 }
 
 }  // namespace takt::cli

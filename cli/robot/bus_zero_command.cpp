@@ -45,7 +45,7 @@ std::expected<int, Refusal> set_zero(const BusZeroOptions& options) {
   DriveListener listener(**bus, **driver, robot->config.control.period);
   if (!listener.wait_until_disabled())
     return std::unexpected(
-        Refusal{kExitFailed, fmt::format("joint {}: its drive does not answer, or is not disabled", joint.name)});
+        Refusal{kExitFailed, fmt::format("joint {}: {}", joint.name, listener.why_not_disabled(joint.drive))});
   const double before = listener.q();
   const auto frames = drivers::zero_frames(joint.drive);
   if (frames.empty()) {

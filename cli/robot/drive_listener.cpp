@@ -7,6 +7,7 @@
 #include <ctime>
 
 #include "drivers/bus/receive_stamp.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::cli {
 
@@ -28,6 +29,13 @@ bool DriveListener::wait_until_disabled() {
     if (feedback.received_at.is_set() && (feedback.drive_state == DriveState::disabled || wants_home)) return true;
   }
   return false;
+}
+
+std::string DriveListener::why_not_disabled(const config::Drive& drive) const {
+  const JointFeedback& feedback = driver_.feedback();
+  if (feedback.error_code != 0) return "its drive reports " + drivers::error_name(drive, feedback.error_code);
+  if (!feedback.received_at.is_set()) return "no answer from its drive: is it powered, and are id and bus right?";
+  return "its drive does not say that it is disabled";
 }
 
 void DriveListener::settle() {

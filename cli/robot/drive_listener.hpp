@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "config/robot_config.hpp"
 #include "drivers/bus/can_bus.hpp"
 #include "drivers/protocol/joint_driver.hpp"
 
@@ -21,6 +22,8 @@ class DriveListener {
       : bus_(bus), driver_(driver), period_(period) {}
   // False: it does not answer, or stays enabled or at fault. That it does not know its home is no such fault.
   bool wait_until_disabled();
+  // Then: why, in the drive's own words where it has any.
+  [[nodiscard]] std::string why_not_disabled(const config::Drive& drive) const;
   void settle();
   // What is typed next, without the end of the line; nothing: no more will be.
   std::optional<std::string> wait_for_line();

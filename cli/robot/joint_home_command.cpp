@@ -156,11 +156,7 @@ std::expected<int, Refusal> home(const HomeOptions& options) {
   auto bus = open_bus(*robot, joint.bus);
   if (!bus) return std::unexpected(bus.error());
   DriveListener listener(**bus, **driver, robot->config.control.period);
-  if (!listener.wait_until_disabled()) {
-    const std::uint32_t error = listener.feedback().error_code;
-    return std::unexpected(refusal(joint, error == 0 ? "its drive does not answer, or is not disabled"
-                                                     : "its drive reports " + drivers::error_name(joint.drive, error)));
-  }
+  if (!listener.wait_until_disabled()) return std::unexpected(refusal(joint, listener.why_not_disabled(joint.drive)));
   if (options.to_stop.empty()) return make_known(*robot, *index, at, **bus, listener);
   const auto stop_at = lead_to_stop(*robot, *index, options, **bus, **driver);
   if (!stop_at) return std::unexpected(stop_at.error());

@@ -12,6 +12,7 @@
 #include "drivers/protocol/little_endian.hpp"
 #include "drivers/protocol/mit/mit_codec.hpp"
 #include "drivers/protocol/odrive/odrive_codec.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 #include "drivers/protocol/robstride/robstride_codec.hpp"
 
 namespace takt::drivers {
@@ -31,7 +32,7 @@ std::string decimal(double value) {
 
 // --- MIT: Damiao drives answer questions for their registers, on their reply id, wherever that is ---
 
-constexpr std::uint32_t kDamiaoRegisters = 0x7FF;
+constexpr std::uint32_t kDamiaoRegisters = 0x7FF, kDisabled = 0x100;
 constexpr std::uint8_t kRead = 0x33, kControlMode = 10, kPositionRange = 21, kVelocityRange = 22, kTorqueRange = 23;
 
 std::vector<CanFrame> ask_mit(std::uint32_t id) {
@@ -57,23 +58,29 @@ bool is_other_ak_protocol(const CanFrame& frame) {
 
 std::optional<Found> read_mit(const CanFrame& frame) {
   if (is_other_ak_protocol(frame))
-    return Found{frame.id & 0xFFU, "speaks the protocol of AK V3 firmware or servo mode, which Takt does not"};
+    return Found{.id = frame.id & 0xFFU,
+                 .what = "speaks the protocol of AK V3 firmware or servo mode, which Takt does not",
+                 .other_protocol = "that of AK V3 firmware or servo mode"};
   if (!frame.extended && !frame.fd && frame.length == 6)
-    return Found{frame.data[0], "T-Motor reply on " + hex(frame.id)};
-  if (frame.extended || frame.fd || frame.length != 8 || frame.id == kDamiaoRegisters || frame.data[2] != kRead)
+    return Found{frame.data[0], "T-Motor reply on " + hex(frame.id), kDisabled};
+  if (is_robstride_reply(frame.data[0], frame))
+    return Found{.id = frame.data[0],
+                 .what = "speaks the MIT protocol of RobStride, which Takt does not",
+                 .other_protocol = "the MIT protocol of RobStride"};
+  if (frame.extended || frame.length != 8 || frame.id == kDamiaoRegisters || frame.data[2] != kRead)
     return std::nullopt;
   const std::uint32_t id = frame.data[0] | static_cast<std::uint32_t>(frame.data[1]) << 8U;
   const std::uint32_t bits = get_u32(frame.data + 4);
   const auto number = static_cast<double>(std::bit_cast<float>(bits));
   switch (frame.data[3]) {
     case kControlMode:
-      return Found{id, "replies on " + hex(frame.id) + ", control mode " + std::to_string(bits)};
+      return Found{id, "replies on " + hex(frame.id) + ", control mode " + std::to_string(bits), kControlMode};
     case kPositionRange:
-      return Found{id, "PMAX " + decimal(number) + " rad"};
+      return Found{id, "PMAX " + decimal(number) + " rad", kPositionRange};
     case kVelocityRange:
-      return Found{id, "VMAX " + decimal(number) + " rad/s"};
+      return Found{id, "VMAX " + decimal(number) + " rad/s", kVelocityRange};
     case kTorqueRange:
-      return Found{id, "TMAX " + decimal(number) + " Nm"};
+      return Found{id, "TMAX " + decimal(number) + " Nm", kTorqueRange};
     default:
       return std::nullopt;
   }
@@ -100,14 +107,18 @@ std::optional<Found> read_robstride(const CanFrame& frame) {
     std::snprintf(byte.data(), byte.size(), "%02X", frame.data[i]);
     unique += byte.data();
   }
-  return Found{frame.id >> 8U & 0xFFFFU, unique};
+  return Found{frame.id >> 8U & 0xFFFFU, unique, kIdentity};
 }
 
 // --- ODrive: heartbeats come by themselves ---
 
+constexpr std::uint32_t kOdriveVersion = 0;
+
 std::optional<Found> read_odrive(const CanFrame& frame) {
   const std::uint32_t node = frame.id >> 5U;
   const auto heartbeat = decode_odrive_heartbeat(node, frame);
+  if (const auto version = decode_odrive_version(node, frame); version && (frame.id & 0x1FU) == 0)
+    return Found{node, "firmware " + text_of({{version->firmware}, 1}, WordStyle::version), kOdriveVersion};
   if (!heartbeat) return std::nullopt;
   return Found{node, "axis state " + std::to_string(heartbeat->axis_state) +
                          (heartbeat->axis_error == 0 ? "" : ", errors " + hex(heartbeat->axis_error))};
@@ -130,8 +141,10 @@ std::optional<Found> read_moteus(const CanFrame& frame) {
   const bool to_us = (frame.id & 0xFFU) == 0 && id >= 1 && id <= 127;
   if (!frame.fd || !to_us || frame.length < 6 || frame.data[0] != 0x21 || frame.data[1] != 0) return std::nullopt;
   const bool has_fault = frame.data[3] == 0x21 && frame.data[4] == 0x0F && frame.data[5] != 0;
-  return Found{id, "mode " + std::to_string(frame.data[2]) +
-                       (has_fault ? ", fault " + std::to_string(frame.data[5]) : std::string())};
+  return Found{id,
+               "mode " + std::to_string(frame.data[2]) +
+                   (has_fault ? ", fault " + std::to_string(frame.data[5]) : std::string()),
+               0};
 }
 
 // --- CiA 402: identity objects of CiA 301 over SDO ---
@@ -148,13 +161,14 @@ std::optional<Found> read_cia402(const CanFrame& frame) {
     return std::nullopt;
   const auto answer = cia402::decode_sdo_answer(frame);
   if (!answer) return std::nullopt;
-  const std::uint32_t node = frame.id - cia402::kSdoAnswerId;
-  if (answer->kind != cia402::SdoAnswer::Kind::value) return Found{node, ""};
+  Found found{
+      .id = frame.id - cia402::kSdoAnswerId, .what = {}, .question = answer->object.index << 8U | answer->object.sub};
+  if (answer->kind != cia402::SdoAnswer::Kind::value) return found;
   if (answer->object == kDeviceType)
-    return Found{node, (answer->value & 0xFFFFU) == 402 ? "CiA 402 drive" : "device type " + hex(answer->value)};
-  if (answer->object == kVendor) return Found{node, "vendor " + hex(answer->value)};
-  if (answer->object == kRevision) return Found{node, "revision " + hex(answer->value)};
-  return Found{node, ""};
+    found.what = (answer->value & 0xFFFFU) == 402 ? "CiA 402 drive" : "device type " + hex(answer->value);
+  if (answer->object == kVendor) found.what = "vendor " + hex(answer->value);
+  if (answer->object == kRevision) found.what = "revision " + hex(answer->value);
+  return found;
 }
 
 }  // namespace
@@ -175,13 +189,20 @@ std::vector<CanFrame> questions_to(config::DriveProtocol protocol, std::uint32_t
   return {};
 }
 
-std::optional<CanFrame> disabling_question(const config::Drive& drive) {
-  if (drive.protocol != config::DriveProtocol::mit || drive.variant != "tmotor") return std::nullopt;
-  CanFrame frame;
-  frame.id = drive.id;
-  frame.length = 8;
-  std::ranges::copy(encode_mit_special(MitSpecial::exit_motor_mode), frame.data);
-  return frame;
+std::vector<CanFrame> own_questions(const config::Drive& drive, const config::Bus& bus) {
+  if (drive.protocol == config::DriveProtocol::odrive) return {odrive_get_version(drive.id)};
+  if (drive.protocol != config::DriveProtocol::mit) return {};
+  if (drive.variant == "tmotor") {
+    CanFrame frame;
+    frame.id = drive.id;
+    frame.length = 8;
+    std::ranges::copy(encode_mit_special(MitSpecial::exit_motor_mode), frame.data);
+    return {frame};
+  }
+  if (!bus.fd) return {};
+  std::vector<CanFrame> frames = ask_mit(drive.id);
+  for (CanFrame& frame : frames) frame.fd = frame.bit_rate_switch = true;
+  return frames;
 }
 
 std::optional<Found> read_answer(config::DriveProtocol protocol, const CanFrame& frame) {
@@ -276,16 +297,64 @@ void BusScan::take(const CanFrame& frame) {
     const auto found = read_answer(protocol, frame);
     if (!found) continue;
     if (found->id < first_ || found->id > last_) return;
-    auto& said = found_[{protocol, found->id}];
-    if (!found->what.empty()) said.insert(found->what);
+    Drive& drive = found_[{protocol, found->id}];
+    drive.protocol = protocol;
+    drive.id = found->id;
+    if (!found->what.empty()) drive.said.insert(found->what);
+    if (!found->other_protocol.empty()) drive.other_protocols.insert(found->other_protocol);
+    if (!found->question) return;
+    (frame.fd ? drive.fd : drive.classic) = true;
+    drive.reply_ids.insert(frame.id);
+    constexpr std::uint32_t kInFd = 0x8000'0000;  // asked twice, in either form
+    ++drive.answers[*found->question | (frame.fd ? kInFd : 0)];
     return;
   }
 }
 
 std::vector<BusScan::Drive> BusScan::found() const {
   std::vector<Drive> drives;
-  for (const auto& [key, said] : found_) drives.push_back({key.first, key.second, said});
+  for (const auto& [key, drive] : found_) drives.push_back(drive);
   return drives;
+}
+
+bool BusScan::Drive::answers_twice() const {
+  return std::ranges::any_of(answers, [](const auto& answer) { return answer.second > 1; });
+}
+
+namespace {
+
+void add_what_a_scan_heard(const config::Drive& file, const BusScan::Drive& found, std::vector<std::string>& wrong) {
+  for (const std::string& protocol : found.other_protocols)
+    wrong.push_back("speaks " + protocol + ", which Takt does not");
+  if (found.answers_twice())
+    wrong.push_back("one question has two answers: two drives have the number " + std::to_string(found.id));
+  if (file.protocol != config::DriveProtocol::mit) return;
+  for (const std::uint32_t id : found.reply_ids)
+    if (id != file.reply_id)
+      wrong.push_back("replies on " + hex(id) + ", the robot file says reply_id " + hex(file.reply_id));
+  const bool answered = found.fd || found.classic;
+  if (answered && file.fd_bitrate != 0 && !found.fd)
+    wrong.push_back("answers in classic frames, the robot file says CAN FD (fd_bitrate)");
+  if (answered && file.fd_bitrate == 0 && !found.classic)
+    wrong.push_back("answers in CAN FD, the robot file says classic frames: write fd_bitrate");
+}
+
+}  // namespace
+
+std::vector<std::string> differences(const config::Joint& joint, const BusScan::Drive* found,
+                                     const JointFeedback& feedback) {
+  std::vector<std::string> wrong;
+  if (found != nullptr) add_what_a_scan_heard(joint.drive, *found, wrong);
+  // That it forgot with its supply where it is, is no difference.
+  const bool wants_home = kind_of(feedback.error_code) == SetupFault::home_unknown;
+  if (feedback.error_code != 0 && !wants_home)
+    wrong.push_back(error_name(joint.drive, feedback.error_code));
+  else if (!feedback.received_at.is_set() && wrong.empty())
+    wrong.emplace_back(found == nullptr ? "no answer: is it powered, and are id and bus right?"
+                                        : "answers questions and reports nothing");
+  else if (feedback.received_at.is_set() && feedback.drive_state != DriveState::disabled && !wants_home)
+    wrong.emplace_back("does not say that it is disabled");
+  return wrong;
 }
 
 }  // namespace takt::drivers

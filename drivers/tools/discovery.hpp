@@ -12,19 +12,24 @@
 
 #include "config/robot_config.hpp"
 #include "drivers/bus/can_bus.hpp"
+#include "executive/contract/feedback.hpp"
 
 namespace takt::drivers {
 
 struct Found {
   std::uint32_t id = 0;  // as `id` in the robot file
   std::string what;      // one thing it said about itself, such as "PMAX 12.5 rad"; empty: only that it is there
+  // Which question this answers, by the protocol's own number; nothing: it was not asked.
+  std::optional<std::uint32_t> question{};
+  std::string other_protocol{};  // that it speaks, and Takt does not; empty: none
 };
 
 // Frames to ask the drive with this number with; none: its protocol's drives speak by themselves.
 std::vector<CanFrame> questions_to(config::DriveProtocol protocol, std::uint32_t id);
-// T-Motor drives answer commands only; the one that disables is harmless to a drive that nobody uses. For drives whose
-// id is known to be theirs, since to another protocol's drive it may mean anything. Nothing: questions_to() is enough.
-std::optional<CanFrame> disabling_question(const config::Drive& drive);
+// What a drive of the robot file is asked besides, since to another protocol's drive it may mean anything. T-Motor
+// drives answer commands only; the one that disables is harmless to a drive that nobody uses. A Damiao that speaks CAN
+// FD is asked in it, and an ODrive for its version.
+std::vector<CanFrame> own_questions(const config::Drive& drive, const config::Bus& bus);
 // What a drive of that protocol said; nothing: the frame is not one it would send.
 std::optional<Found> read_answer(config::DriveProtocol protocol, const CanFrame& frame);
 
@@ -52,6 +57,11 @@ class BusScan {
     config::DriveProtocol protocol = config::DriveProtocol::mit;
     std::uint32_t id = 0;
     std::set<std::string> said;
+    std::set<std::uint32_t> reply_ids;         // of the frames in which it answered
+    bool classic = false, fd = false;          // in which form
+    std::set<std::string> other_protocols;     // that it speaks, and Takt does not
+    std::map<std::uint32_t, int> answers;      // to each question
+    [[nodiscard]] bool answers_twice() const;  // one question: there are two drives of that number
   };
   // By protocol and id.
   [[nodiscard]] std::vector<Drive> found() const;
@@ -62,7 +72,13 @@ class BusScan {
   std::uint32_t first_, last_;
   std::vector<CanFrame> questions_;
   std::size_t asked_ = 0;
-  std::map<std::pair<config::DriveProtocol, std::uint32_t>, std::set<std::string>> found_;
+  std::map<std::pair<config::DriveProtocol, std::uint32_t>, Drive> found_;
 };
+
+// What of a joint's drive is not as the robot file has it, a sentence each; empty: all is, as far as it was seen.
+// `found`: what a scan heard of it; null: nothing. `feedback`: of its driver, once it tried to set the drive up,
+// disabled.
+std::vector<std::string> differences(const config::Joint& joint, const BusScan::Drive* found,
+                                     const JointFeedback& feedback);
 
 }  // namespace takt::drivers

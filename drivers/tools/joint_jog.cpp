@@ -64,7 +64,7 @@ double JointJog::moved() const {
 }
 
 std::string JointJog::reported() const {
-  const std::uint32_t code = driver_.feedback().error_code;
+  const std::uint32_t own = driver_.feedback().error_code, code = own != 0 ? own : driver_.remark();
   return code == 0 ? "" : ": " + error_name(joint_.drive, code);
 }
 
@@ -118,7 +118,7 @@ void JointJog::find(MonoTime now) {
   const bool ready = feedback.received_at.is_set() && feedback.drive_state == DriveState::disabled;
   if (ready && (!gravity_ || gravity_())) return aim(now);
   if (now - entered_ <= kFindWithin) return;
-  if (!feedback.received_at.is_set())
+  if (!feedback.received_at.is_set() && feedback.error_code == 0)
     fail("no answer from its drive: is it powered, and are id and bus right?", now);
   else if (!ready)
     fail("its drive does not get ready" + reported(), now);

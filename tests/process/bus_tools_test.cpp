@@ -79,6 +79,43 @@ TEST_F(BusTools, ScanFindsEveryJointsDrive) {
   for (const auto& line : lines) EXPECT_TRUE(line.at("joint").is_string()) << line;
 }
 
+// The plant's drives are as they were; the file says another reply id and another rated torque.
+TEST_F(BusTools, ScanTellsWhatDiffersFromTheFile) {
+  std::string text = read(robot_);
+  const auto put = [&text](const std::string& key, const std::string& value) {
+    const std::size_t at = text.find(key);
+    ASSERT_NE(at, std::string::npos) << key;
+    text.replace(at + key.size(), text.find('\n', at) - at - key.size(), value);
+  };
+  put("reply_id: ", "49");
+  put("rated_torque: ", "11 Nm");
+  std::ofstream(robot_) << text;
+  const Ended scan = takt({"bus", "scan", "--json", "--last-id", "20"});
+  EXPECT_EQ(scan.exit_code, 1) << scan.output;
+  std::string differs;
+  for (const auto& line : scan.json())
+    for (const auto& what : line.at("differs")) differs += what.get<std::string>() + "\n";
+  EXPECT_NE(differs.find("the robot file says reply_id 0x31"), std::string::npos) << differs;
+  EXPECT_NE(differs.find("object 6076:00"), std::string::npos) << differs;
+  EXPECT_EQ(std::ranges::count(differs, '\n'), 2) << differs;
+}
+
+TEST_F(BusTools, WatchAsksWhereNoOtherProgramDoes) {
+  Ended watch;
+  for (int i = 0; i < 5; ++i) {
+    watch = takt({"bus", "watch", "--seconds", "3", "--json"});
+    const auto joints = watch.json().at("joints");
+    if (std::ranges::all_of(joints, [](const auto& joint) { return joint.at("seen").template get<bool>(); })) break;
+  }
+  EXPECT_TRUE(watch.json().at("asked").get<bool>()) << watch.output;
+  for (const auto& joint : watch.json().at("joints")) {
+    EXPECT_TRUE(joint.at("seen").get<bool>()) << joint;
+    EXPECT_EQ(joint.at("state"), "disabled") << joint;
+    EXPECT_EQ(joint.at("error"), "") << joint;
+  }
+  EXPECT_FALSE(takt({"bus", "watch", "--seconds", "1", "--json", "--listen"}).json().at("asked").get<bool>());
+}
+
 class JogOfEveryProtocol : public BusTools, public testing::WithParamInterface<const char*> {};
 
 TEST_P(JogOfEveryProtocol, MovesTheJointAndLetsGo) {

@@ -30,7 +30,8 @@ class DiscoveryTest : public testing::Test {
     }
     BusScan scan(protocols, 0, last_id);
     for (const config::Joint& joint : robot_.joints)
-      if (const auto question = disabling_question(joint.drive); joint.bus == bus && question) scan.also_ask(*question);
+      if (joint.bus == bus)
+        for (const CanFrame& question : own_questions(joint.drive, robot_.buses[bus])) scan.also_ask(question);
     plant::Frames said;
     MonoTime now{1};
     for (int ms = 0; ms < 1000; ++ms, now = now + milliseconds(1))

@@ -199,6 +199,27 @@ TEST_F(Jog, SaysWhenNobodyAnswers) {
   EXPECT_EQ(failure_, "no answer from its drive: is it powered, and are id and bus right?");
 }
 
+// A drive that answers every question and refuses its set-up reports no position.
+TEST_F(Jog, SaysWhatADriveRefusesThatReportsNothing) {
+  config::Drive& drive = robot_.joints[3].drive;
+  drive.protocol = config::DriveProtocol::cia402;
+  drive.mode = config::Cia402Mode::cst;
+  drive.id = 5;
+  drive.counts_per_turn = 4096;
+  drive.rated_torque = drive.torque_range = 10;
+  driver_ = make_joint_driver(robot_, 3).value();
+  config::Drive other = drive;
+  other.rated_torque = 12;
+  device_ = plant::make_device(other, milliseconds(100));
+  plant::Frames said;
+  device_->update({q_, dq_}, now_, {}, said);
+  run({.by = 0.1, .speed = 0.2, .torque = 1});
+  EXPECT_NE(failure_.find("its drive does not get ready: the drive's own settings differ from the robot file: object "
+                          "6076:00"),
+            std::string::npos)
+      << failure_;
+}
+
 TEST_F(Jog, SaysWhatTheDriveReports) {
   fault_ = plant::DeviceFault::over_current;
   run({.by = 0.1, .speed = 0.2, .torque = 1});
