@@ -43,15 +43,18 @@ std::expected<void, std::string> make_directory(const std::string& directory, ui
   return give_to(directory, owner);
 }
 
-// Held while a server looks and binds: microseconds. A file that its owner alone may open, for whoever may open a
-// directory may lock it for ever.
-std::expected<Descriptor, std::string> lock_beside(const std::string& directory, uid_t owner) {
+// Held while a server looks and binds: microseconds. A file that the directory's owner alone may open, for whoever may
+// open a directory may lock it for ever.
+std::expected<Descriptor, std::string> lock_beside(const std::string& directory) {
   constexpr int kTries = 200;
   constexpr timespec kPause{0, 10'000'000};
   const std::string file = directory + "/.lock";
   Descriptor lock(open(file.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, S_IRUSR | S_IWUSR));
   if (!lock.is_open()) return failed("cannot open " + file);
-  if (auto given = give_to(file, owner); !given) return std::unexpected(given.error());
+  struct stat place {};
+  if (stat(directory.c_str(), &place) != 0) return failed("cannot look at " + directory);
+  if (auto given = give_to(file, geteuid() == 0 ? place.st_uid : geteuid()); !given)
+    return std::unexpected(given.error());
   for (int i = 0; i < kTries; ++i) {
     if (flock(lock.get(), LOCK_EX | LOCK_NB) == 0) return lock;
     if (errno != EWOULDBLOCK) return failed("cannot lock " + file);
@@ -89,7 +92,7 @@ std::expected<SocketClaim, std::string> SocketClaim::make(const std::string& pat
   if (auto checked = check_path(path); !checked) return std::unexpected(checked.error());
   const std::string directory = directory_of(path);
   if (auto made = make_directory(directory, owner); !made) return std::unexpected(made.error());
-  const auto lock = lock_beside(directory, owner);
+  const auto lock = lock_beside(directory);
   if (!lock) return std::unexpected(lock.error());
   if (auto cleared = clear_path(path); !cleared) return std::unexpected(cleared.error());
   auto listener = listen_at(path);

@@ -117,6 +117,17 @@ TEST_F(Rendezvous, ALockOnTheDirectoryKeepsNoServerFromStarting) {
   EXPECT_EQ(status.st_mode & 0777, 0600U);
 }
 
+// A server that root started leaves the directory's owner a lock that it can open.
+TEST_F(Rendezvous, TheLockIsTheDirectorysOwners) {
+  if (geteuid() != 0) GTEST_SKIP() << "NOT TESTED: only root gives files away";
+  std::filesystem::create_directories(directory_ / "run/arm");
+  ASSERT_EQ(chown((directory_ / "run/arm").c_str(), kPolicyUser, kPolicyUser), 0);
+  { const ServerThread server(path_, admit_all()); }
+  struct stat status {};
+  ASSERT_EQ(lstat((directory_ / "run/arm/.lock").c_str(), &status), 0);
+  EXPECT_EQ(status.st_uid, kPolicyUser);
+}
+
 TEST_F(Rendezvous, LeavesForeignFilesAndSuccessorsAlone) {
   std::filesystem::create_directories(path_);
   EXPECT_FALSE(RendezvousServer::listen(path_, geteuid(), admit_all()));
