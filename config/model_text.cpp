@@ -127,6 +127,26 @@ std::expected<ModelText, std::string> read_model_text(const std::string& path) {
   return ModelReader(path).read(path);
 }
 
+std::vector<std::string> model_assets(const ModelText& model) {
+  std::filesystem::path meshes, textures;
+  for (auto tag = next_tag(model.text, 0); tag; tag = next_tag(model.text, tag->end)) {
+    if (tag->name != "compiler") continue;
+    if (const XmlAttribute* const both = tag->find("assetdir")) meshes = textures = both->value;
+    if (const XmlAttribute* const one = tag->find("meshdir")) meshes = one->value;
+    if (const XmlAttribute* const one = tag->find("texturedir")) textures = one->value;
+  }
+  const std::filesystem::path folder = std::filesystem::path(model.files.front()).parent_path();
+  std::vector<std::string> files;
+  for (auto tag = next_tag(model.text, 0); tag; tag = next_tag(model.text, tag->end)) {
+    const bool is_texture = tag->name == "texture";
+    if (!is_texture && tag->name != "mesh" && tag->name != "hfield" && tag->name != "skin") continue;
+    for (const XmlAttribute& one : tag->attributes)
+      if (one.name.starts_with("file") && !one.value.empty() && !one.value.starts_with("package://"))
+        files.push_back((folder / (is_texture ? textures : meshes) / one.value).lexically_normal());
+  }
+  return files;
+}
+
 std::expected<std::string, std::string> model_bytes(const std::string& path) {
   const auto model = read_model_text(path);
   if (!model) return std::unexpected(model.error());

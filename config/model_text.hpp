@@ -26,6 +26,10 @@ std::expected<ModelText, std::string> read_model_text(const std::string& path);
 // The bytes of all of the model's files, which tell one model from another: of a model that is one file, that file's.
 std::expected<std::string, std::string> model_bytes(const std::string& path);
 
+// Meshes, height fields, skins and textures that the model names, where MuJoCo looks for them. What a URDF finds by
+// package:// is left out.
+std::vector<std::string> model_assets(const ModelText& model);
+
 // `sentence` speaks of lines of the text ("line 12", "Line number=12"): the same of lines of the files.
 std::string in_lines_of_files(const ModelText& model, const std::string& sentence);
 

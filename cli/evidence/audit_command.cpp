@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// takt audit: is a panel's artifact, or a run folder, ready to be audited, what is missing, and what the verdict rests
-// on.
+// takt audit: is a panel's artifact, a run folder, or an attestation ready to be audited, what is missing, and what the
+// verdict rests on.
 #include <fmt/format.h>
 
 #include <charconv>
@@ -10,13 +10,18 @@
 #include <memory>
 #include <optional>
 #include <random>
+#include <vector>
 
 #include "cli/command.hpp"
+#include "cli/policy_host_option.hpp"
 #include "cli/world_option.hpp"
 #include "evidence/artifact/signature.hpp"
+#include "evidence/judge/attestation.hpp"
 #include "evidence/judge/audit.hpp"
 #include "evidence/judge/post_mortem.hpp"
 #include "evidence/judge/run_audit.hpp"
+#include "evidence/panel/attested_again.hpp"
+#include "evidence/panel/kept_inputs.hpp"
 #include "evidence/panel/panel_promise.hpp"
 #include "evidence/panel/recompute.hpp"
 #include "monitor/record/bounded_file.hpp"
@@ -27,7 +32,7 @@ namespace {
 constexpr const char* kCommand = "takt audit";
 
 struct AuditOptions {
-  std::string directory, recompute, panel, robot, world, signed_by;
+  std::string directory, recompute, panel, robot, world, policy_host, signed_by;
   std::size_t workers = 1;
   bool json = false, draft = false;
 };
@@ -45,22 +50,30 @@ std::optional<std::size_t> rows_of(std::string_view text, std::size_t rows) {
   return static_cast<std::size_t>(std::min(wanted, static_cast<double>(rows)));
 }
 
+std::uint64_t nonce() {
+  std::random_device device;
+  return (std::uint64_t{device()} << 32U) | device();
+}
+
 std::expected<panel::Recomputed, std::string> recomputed(const panel::Artifact& artifact, const AuditOptions& options,
                                                          std::size_t rows) {
-  auto panel = panel::load_panel(options.panel);
+  auto panel = panel::load_panel(options.panel.empty() ? artifact.folder.panel() : options.panel);
   if (!panel) return std::unexpected(panel.error());
   panel->robot = options.robot;
-  // A run with other seeds than the file names (--seeds): those of the artifact.
-  const auto& seeds = artifact.manifest.seed_plan.seeds;
-  if (!seeds.empty()) {
-    panel->first_seed = seeds.front();
-    panel->seed_count = seeds.size();
+  panel::keep_what_ran(artifact.manifest, *panel);
+  std::optional<panel::UnpackedInputs> kept;
+  if (options.panel.empty()) {
+    auto unpacked = panel::UnpackedInputs::unpack(artifact.folder);
+    if (!unpacked) return std::unexpected(unpacked.error());
+    kept.emplace(std::move(*unpacked));
+    for (panel::PanelTask& task : panel->tasks) {
+      const auto robot = kept->robots().find(std::string(panel::kTaskNames[static_cast<std::size_t>(task.task)]));
+      if (robot != kept->robots().end()) task.robot = robot->second;
+    }
   }
-  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, ""});
+  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host});
   if (!contest) return std::unexpected(contest.error());
-  std::random_device device;
-  const std::uint64_t nonce = (std::uint64_t{device()} << 32U) | device();
-  return panel::recompute(artifact, *contest, panel::drawn_rows(rows, artifact.rows.size(), nonce), options.workers);
+  return panel::recompute(artifact, *contest, panel::drawn_rows(rows, artifact.rows.size(), nonce()), options.workers);
 }
 
 // Id of the key that the reader named, or why it did not sign; none: none was named.
@@ -83,7 +96,48 @@ int audit_run(const AuditOptions& options) {
   return result.is_consistent() ? kExitOk : kExitFailed;
 }
 
+std::vector<panel::PlannedRollout> drawn(const panel::Panel& panel, std::size_t count) {
+  const auto plan = panel::plan_of(panel, {});
+  std::vector<panel::PlannedRollout> some;
+  for (const std::size_t one : panel::drawn_rows(count, plan.size(), nonce())) some.push_back(plan[one]);
+  return some;
+}
+
+std::expected<panel::Recomputed, std::string> recomputed(const panel::Attestation& attestation,
+                                                         const AuditOptions& options) {
+  auto panel = panel::load_panel(options.panel);
+  if (!panel) return std::unexpected(panel.error());
+  panel->robot = options.robot;
+  if (const auto kept = panel::keep_what_is_attested(attestation, *panel); !kept) return std::unexpected(kept.error());
+  const auto count = rows_of(options.recompute, panel::plan_of(*panel, {}).size());
+  if (!count) return std::unexpected("write a number of rollouts or a share, such as 6 or 25%");
+  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host});
+  if (!contest) return std::unexpected(contest.error());
+  return panel::recompute(attestation, *contest, drawn(contest->panel(), *count), options.workers);
+}
+
+int audit_attestation(const AuditOptions& options) {
+  if (options.json || options.draft || !options.signed_by.empty())
+    return refuse(kExitUsage, fmt::format("{}: {} is an attestation: --json, --draft and --signed-by are for folders",
+                                          kCommand, options.directory));
+  if (options.recompute.empty() != options.panel.empty())
+    return refuse(kExitUsage, fmt::format("{}: an attestation names no files: --recompute needs --panel", kCommand));
+  const auto text = monitor::read_file(options.directory);
+  if (!text) return fail(kCommand, text.error());
+  const auto attestation = panel::attestation_of(*text);
+  if (!attestation) return fail(kCommand, fmt::format("{} {}", options.directory, attestation.error()));
+  std::optional<panel::Recomputed> again;
+  if (!options.recompute.empty()) {
+    auto made = recomputed(*attestation, options);
+    if (!made) return fail(kCommand, "--recompute: " + made.error());
+    again = std::move(*made);
+  }
+  fmt::print("{}", panel::audit_text(*attestation, again));
+  return again && !again->differences.empty() ? kExitFailed : kExitOk;
+}
+
 int audit(const AuditOptions& options) {
+  if (std::filesystem::is_regular_file(options.directory)) return audit_attestation(options);
   if (std::filesystem::exists(monitor::RunFolder(options.directory).ticks())) return audit_run(options);
   const auto artifact = panel::open_artifact(options.directory);
   if (!artifact) return fail(kCommand, artifact.error());
@@ -116,24 +170,25 @@ int audit(const AuditOptions& options) {
 void add_audit(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("audit", "Say whether a panel's artifact or a run is ready to be audited.");
   auto options = std::make_shared<AuditOptions>();
-  command->add_option("DIR", options->directory, "artifact or run folder")->required();
+  command->add_option("DIR", options->directory, "artifact, run folder, or file of takt panel attest")->required();
   command->add_flag("--json", options->json, "print the audit as one line of JSON (docs/evidence.md)");
   command->add_flag("--draft", options->draft, "first draft a post-mortem for every failed rollout that has none");
   auto* const recompute = command->add_option("--recompute", options->recompute,
                                               "N or P%: compute so many rows anew, drawn at random, and compare");
   auto* const panel = command->add_option("--panel", options->panel,
-                                          "with --recompute: the panel file that the artifact was made from");
-  recompute->needs(panel);
+                                          "with --recompute: the panel file that the artifact was made from;\n"
+                                          "default: what the artifact keeps");
   panel->needs(recompute);
-  command->add_option("--robot", options->robot, "with --recompute: the robot file that the panel was run with")
-      ->needs(recompute);
+  command->add_option("--robot", options->robot, "with --panel: the robot file that the panel was run with")
+      ->needs(panel);
   add_world(*command, options->world)->needs(recompute);
+  add_policy_host(*command, options->policy_host)->needs(recompute);
   command->add_option("--workers", options->workers, "with --recompute: processes that share the work")
       ->check(CLI::Range(1, 1024))
       ->needs(recompute);
   command->add_option("--signed-by", options->signed_by, "public key, PEM: it has to be signed by it (takt seal)");
   command->footer(
-      "Example: takt audit artifacts/smoke --recompute 25% --panel config/panels/smoke.yaml\n"
+      "Example: takt audit artifacts/smoke --recompute 25%\n"
       "Exit codes: 0 nothing is missing and nothing contradicts itself; 1 something is or does, rows came\n"
       "out otherwise, or it is no artifact; 64 command line.");
   command->callback([options, &exit_code] { exit_code = audit(*options); });

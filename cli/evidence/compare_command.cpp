@@ -9,6 +9,7 @@
 
 #include "cli/command.hpp"
 #include "evidence/judge/compare.hpp"
+#include "evidence/panel/panel_promise.hpp"
 #include "monitor/record/bounded_file.hpp"
 
 namespace takt::cli {
@@ -46,6 +47,10 @@ int compare(const CompareOptions& options) {
   auto comparison = panel::compare(*a, *b, options.method_a, options.method_b);
   if (!comparison) return fail("takt compare", comparison.error());
   comparison->margin = margin;
+  if (const auto promise = panel::panel_promise(a->folder.panel()))
+    panel::name_configuration(*a, *b, *promise, *comparison);
+  else
+    comparison->notes.push_back(promise.error());
   if (!options.html.empty()) {
     auto written = monitor::replace_file(options.html, panel::comparison_html(*comparison));
     if (!written) return fail("takt compare", written.error());

@@ -18,6 +18,7 @@
 #include "evidence/artifact/artifact.hpp"
 #include "evidence/artifact/confusion.hpp"
 #include "evidence/panel/harm_table.hpp"
+#include "evidence/panel/kept_inputs.hpp"
 #include "evidence/panel/panel_plan.hpp"
 #include "evidence/panel/panel_table.hpp"
 #include "evidence/panel/worker_pool.hpp"
@@ -168,6 +169,8 @@ int run(const PanelRunOptions& options) {
   manifest.shard = {shard->index, shard->count};
   auto rows = open_writer(options, manifest, contest->panel().text);
   if (!rows) return refuse(kExitFailed, "takt panel run: " + rows.error());
+  if (const auto kept = panel::keep_inputs(*contest, rows->folder()); !kept)
+    return refuse(kExitFailed, "takt panel run: " + kept.error());
 
   std::vector<panel::PlannedRollout> remaining;
   for (const panel::PlannedRollout& one : plan)

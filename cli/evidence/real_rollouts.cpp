@@ -187,7 +187,6 @@ std::expected<void, std::string> RealRollouts::live_through(const panel::Planned
 
 std::expected<panel::RanRollout, std::string> RealRollouts::run(const panel::PlannedRollout& planned) const {
   const panel::Panel& panel = contest_.panel();
-  const panel::PanelTask& task = panel.tasks[planned.task];
   panel::RolloutRow row = contest_.identity(planned);
   const std::string place = "runs/" + panel::rollout_id(row);
   const std::string folder = fs::absolute(out_ + "/" + place).string();
@@ -201,14 +200,7 @@ std::expected<panel::RanRollout, std::string> RealRollouts::run(const panel::Pla
   const ChildMeter meter;
   if (const auto lived = live_through(planned, folder); !lived) return fail(lived.error());
   panel::RolloutWatch watch(contest_.contestant(planned).robot);
-  const auto measured = panel::measure_recorded({.run_folder = folder + "/run",
-                                                 .truth_file = folder + "/truth.jsonl",
-                                                 .task = task.task,
-                                                 .perturbation = panel.perturbations[planned.perturbation].resolved(),
-                                                 .duration = panel.duration,
-                                                 .scored = task.scored,
-                                                 .bound_m = task.bound_m},
-                                                watch, row);
+  const auto measured = panel::measure_recorded(panel::recorded_rollout(panel, planned, folder), watch, row);
   if (!measured) return fail(measured.error());
   row.run_folder = place + "/run";
   meter.fill(panel.duration, row.host);

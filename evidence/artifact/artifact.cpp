@@ -104,6 +104,10 @@ std::expected<Artifact, std::string> open_artifact(const std::string& path) {
     return std::unexpected(
         fmt::format("{} was written with another row schema; read it with takt {}", path, manifest->script_version));
   }
+  const auto schema = monitor::read_file(folder.schema());
+  if (!schema) return std::unexpected(schema.error());
+  if (config::sha256_hex(*schema) != manifest->schema_sha256)
+    return std::unexpected(fmt::format("{}: not the row schema that manifest.json names", folder.schema()));
   const auto text = monitor::read_file(folder.rows());
   if (!text) return std::unexpected(text.error());
   auto rows = rows_of(*text);

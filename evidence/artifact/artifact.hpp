@@ -8,6 +8,7 @@
 //   rollouts.sha256       the seal of each row; seal.json: of all files, once finished (seal.hpp)
 //   rollouts.parquet      the same rows as columns; written when the panel is complete
 //   confusion.json        planted causes against the fault classifier's verdicts; written with the Parquet file
+//   inputs.json, inputs/  what the rows were computed from, by content (inputs.hpp)
 //   postmortems/ID.md     one per failed rollout
 //
 // Errors are one sentence with the row's number, counted from 1. Thread rule: one thread at a time.
@@ -39,6 +40,8 @@ class ArtifactFolder {
   [[nodiscard]] std::string lock() const { return path_ + "/.writer.lock"; }
   [[nodiscard]] std::string parquet() const { return path_ + "/rollouts.parquet"; }
   [[nodiscard]] std::string confusion() const { return path_ + "/confusion.json"; }
+  [[nodiscard]] std::string inputs_file() const { return path_ + "/inputs.json"; }
+  [[nodiscard]] std::string inputs() const { return path_ + "/inputs"; }
   [[nodiscard]] std::string post_mortems() const { return path_ + "/postmortems"; }
   [[nodiscard]] std::string post_mortem(const RolloutRow& row) const;
 

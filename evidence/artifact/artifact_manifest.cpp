@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
+#include <set>
 #include <string_view>
 
+#include "config/load.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
 #include "monitor/record/json_error.hpp"
 #include "monitor/record/run_manifest.hpp"
@@ -23,13 +25,15 @@ struct BadManifest {
   std::string sentence;
 };
 
-void check_object(const Json& json, std::string_view what, std::initializer_list<std::string_view> keys) {
+void check_object(const Json& json, std::string_view what, std::initializer_list<std::string_view> keys,
+                  std::string_view optional = "") {
   if (!json.is_object()) throw BadManifest{fmt::format("{} is not an object", what)};
   for (const std::string_view key : keys) {
     if (!json.contains(key)) throw BadManifest{fmt::format("{}.{} is missing", what, key)};
   }
   for (const auto& [key, value] : json.items()) {
-    if (std::ranges::find(keys, key) == keys.end()) throw BadManifest{fmt::format("{}.{} is unknown", what, key)};
+    if (std::ranges::find(keys, key) == keys.end() && key != optional)
+      throw BadManifest{fmt::format("{}.{} is unknown", what, key)};
   }
 }
 
@@ -75,6 +79,21 @@ MethodFacts method_of(const Json& json, const std::string& name) {
   return method;
 }
 
+constexpr const char* kOutside = "outside";  // left out where there was none
+
+Json program_json(const OutsideProgram& program) {
+  if (program.command.empty()) return nullptr;
+  return {{"command", program.command}, {"files", Json(program.files)}};
+}
+
+OutsideProgram program_of(const Json& json, const std::string& what) {
+  if (json.is_null()) return {};
+  check_object(json, what, {"command", "files"});
+  OutsideProgram program{.command = json.at("command"), .files = {}};
+  for (const auto& [file, sha256] : json.at("files").items()) program.files[file] = sha256;
+  return program;
+}
+
 Timing timing_of(const Json& json) {
   const auto found = std::ranges::find(kTimingNames, json.get<std::string>());
   if (found == kTimingNames.end()) throw BadManifest{fmt::format("timing {} is unknown", json.dump())};
@@ -84,7 +103,8 @@ Timing timing_of(const Json& json) {
 ArtifactManifest read(const Json& json) {
   check_object(json, "manifest",
                {"schema", "artifact_id", "complete", "timing", "panel", "seed_plan", "script", "row_schema_sha256",
-                "plants", "methods", "claims", "planned_rollouts", "shard", "merged_from", "host", "started", "ended"});
+                "plants", "methods", "claims", "planned_rollouts", "shard", "merged_from", "host", "started", "ended"},
+               kOutside);
   ArtifactManifest manifest;
   manifest.artifact_id = json.at("artifact_id");
   manifest.complete = json.at("complete");
@@ -107,6 +127,12 @@ ArtifactManifest read(const Json& json) {
   const Json& claims = json.at("claims");
   check_object(claims, "claims", {"conceptual", "systems", "evidence"});
   manifest.claims = {claims.at("conceptual"), claims.at("systems"), claims.at("evidence")};
+  if (json.contains(kOutside)) {
+    const Json& outside = json.at(kOutside);
+    check_object(outside, kOutside, {"world", "policy_host"});
+    manifest.outside = {program_of(outside.at("world"), "outside.world"),
+                        program_of(outside.at("policy_host"), "outside.policy_host")};
+  }
   manifest.planned_rollouts = json.at("planned_rollouts");
   const Json& shard = json.at("shard");
   check_object(shard, "shard", {"index", "count"});
@@ -145,6 +171,14 @@ std::string plant_difference(const ArtifactManifest& a, const ArtifactManifest& 
 
 }  // namespace
 
+std::string contents_of(const OutsideProgram& program) {
+  std::set<std::string> hashes;
+  for (const auto& [file, sha256] : program.files) hashes.insert(sha256);
+  std::string text;
+  for (const std::string& sha256 : hashes) text += sha256;
+  return hashes.size() < 2 ? text : config::sha256_hex(text);
+}
+
 Json to_json(const ArtifactManifest& manifest) {
   Json json;
   json["schema"] = kArtifactSchema;
@@ -161,6 +195,9 @@ Json to_json(const ArtifactManifest& manifest) {
   json["claims"] = {{"conceptual", manifest.claims.conceptual},
                     {"systems", manifest.claims.systems},
                     {"evidence", manifest.claims.evidence}};
+  if (!manifest.outside.world.command.empty() || !manifest.outside.policy_host.command.empty())
+    json[kOutside] = {{"world", program_json(manifest.outside.world)},
+                      {"policy_host", program_json(manifest.outside.policy_host)}};
   json["planned_rollouts"] = manifest.planned_rollouts;
   json["shard"] = {{"index", manifest.shard.index}, {"count", manifest.shard.count}};
   json["merged_from"] = manifest.merged_from;
@@ -205,7 +242,10 @@ std::string difference_between(const ArtifactManifest& a, const ArtifactManifest
     return differ("script", fmt::format("takt {} {}", a.script_version, short_hash(a.script_source_sha256)),
                   fmt::format("takt {} {}", b.script_version, short_hash(b.script_source_sha256)));
   }
-  return plant_difference(a, b, name_a, name_b);
+  if (std::string reason = plant_difference(a, b, name_a, name_b); !reason.empty()) return reason;
+  if (const auto in_a = contents_of(a.outside.world), in_b = contents_of(b.outside.world); in_a != in_b)
+    return differ("world's program", short_hash(in_a), short_hash(in_b));
+  return {};
 }
 
 std::string misfit(const RolloutRow& row, const ArtifactManifest& manifest) {

@@ -21,6 +21,8 @@ namespace takt::panel {
 enum class Timing : std::uint8_t { virtual_time, real, real_without_guarantees };
 inline constexpr std::array<std::string_view, 3> kTimingNames{"virtual", "real", "real_without_guarantees"};
 
+inline constexpr const char* kProgramHash = "program_sha256";  // in `host`: of the executable that computed the rows
+
 inline constexpr const char* kArtifactSchema = "takt.artifact/4";
 
 // Every rollout's seed comes from here, whatever the method: that is what makes rows pairs.
@@ -62,6 +64,16 @@ struct ShardFacts {
   friend bool operator==(const ShardFacts&, const ShardFacts&) = default;
 };
 
+// A command of the user's that played a part, and the files that it names, by their contents. What those load in turn
+// is not known.
+struct OutsideProgram {
+  std::string command;                       // empty: none
+  std::map<std::string, std::string> files;  // as the command names them -> SHA-256
+};
+struct OutsidePrograms {
+  OutsideProgram world, policy_host;
+};
+
 struct ArtifactManifest {
   std::string artifact_id;  // artifact_id_of() all rows; empty until complete
   Timing timing = Timing::virtual_time;
@@ -72,19 +84,24 @@ struct ArtifactManifest {
   std::map<std::string, std::string> plants;   // task -> SHA-256 of the plant's text
   std::map<std::string, MethodFacts> methods;  // by name
   Claims claims;
+  OutsidePrograms outside;
   std::uint64_t planned_rollouts = 0;  // of its shard
   ShardFacts shard;
   bool complete = false;                                // every planned rollout has its row
   std::vector<std::string> merged_from;                 // artifact ids
-  nlohmann::ordered_json host = nullptr;                // monitor::host_facts() of the machine that computed it
+  nlohmann::ordered_json host = nullptr;                // of the machine that computed it, and of the program
   std::int64_t started_unix_ns = 0, ended_unix_ns = 0;  // 0: not yet
 };
+
+// One hash of all of the files, whatever they are called; empty: the command names none.
+std::string contents_of(const OutsideProgram& program);
 
 nlohmann::ordered_json to_json(const ArtifactManifest& manifest);
 // Strict: a missing, unknown or wrongly typed key is one sentence.
 std::expected<ArtifactManifest, std::string> artifact_manifest_of(const nlohmann::ordered_json& json);
 
-// Why rows of the two must not stand side by side: schema, timing, panel, seed plan, script, plant, in this order.
+// Why rows of the two must not stand side by side: schema, timing, panel, seed plan, script, plant, world, in this
+// order.
 // Empty: they may. `a` and `b` are how the sentence names the two.
 std::string difference_between(const ArtifactManifest& a, const ArtifactManifest& b, const std::string& name_a = "A",
                                const std::string& name_b = "B");

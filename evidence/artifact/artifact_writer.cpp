@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "config/load.hpp"
+#include "config/sha256.hpp"
 #include "evidence/artifact/artifact.hpp"
 #include "evidence/artifact/rollout_json.hpp"
 #include "evidence/artifact/rollout_parquet.hpp"
@@ -99,6 +100,8 @@ std::expected<void, std::string> append_line(int fd, const std::string& path, co
 
 std::string method_difference(const ArtifactManifest& found, const ArtifactManifest& wanted) {
   if (found.methods != wanted.methods) return "it was begun with other methods";
+  if (contents_of(found.outside.policy_host) != contents_of(wanted.outside.policy_host))
+    return "it was begun with another program behind --policy-host";
   if (found.planned_rollouts != wanted.planned_rollouts || found.shard != wanted.shard)
     return "it was begun with another plan";
   return {};
@@ -136,7 +139,11 @@ std::expected<ArtifactWriter, std::string> ArtifactWriter::create(const std::str
   }
   if (manifest.schema_sha256.empty()) manifest.schema_sha256 = rollout_schema_sha256();
   if (manifest.started_unix_ns == 0) manifest.started_unix_ns = unix_now_ns();
-  if (manifest.host.is_null()) manifest.host = monitor::host_facts();
+  if (manifest.host.is_null()) {
+    manifest.host = monitor::host_facts();
+    static const auto kProgram = config::file_sha256("/proc/self/exe");
+    if (kProgram) manifest.host[kProgramHash] = *kProgram;
+  }
   auto lock = lock_folder(folder);
   if (!lock) return std::unexpected(lock.error());
   const std::string schema = rollout_schema();

@@ -8,6 +8,7 @@
 #include <map>
 #include <set>
 
+#include "evidence/artifact/inputs.hpp"
 #include "monitor/record/bounded_file.hpp"
 #include "monitor/record/run_manifest.hpp"
 
@@ -50,6 +51,8 @@ std::string mixture(std::span<const Artifact> artifacts) {
     if (artifact.manifest.claims != first.manifest.claims) {
       return fmt::format("the claims differ between {} and {}", first.folder.path(), folder);
     }
+    if (contents_of(artifact.manifest.outside.policy_host) != contents_of(first.manifest.outside.policy_host))
+      return fmt::format("the policy host's program differs between {} and {}", first.folder.path(), folder);
     for (const auto& [name, facts] : artifact.manifest.methods) {
       const auto [owner, is_new] = methods_from.emplace(name, folder);
       for (const Artifact& other : artifacts) {
@@ -117,6 +120,7 @@ std::expected<Artifact, std::string> merge(const std::string& path, std::span<co
     }
   }
   if (auto done = copy_post_mortems(artifacts, writer->folder()); !done) return std::unexpected(done.error());
+  if (auto done = merge_inputs(artifacts, writer->folder()); !done) return std::unexpected(done.error());
   if (auto done = writer->finish(); !done) return std::unexpected(done.error());
   return open_artifact(path);
 }

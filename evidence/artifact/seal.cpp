@@ -13,6 +13,7 @@
 #include "config/load.hpp"
 #include "config/sha256.hpp"
 #include "evidence/artifact/artifact.hpp"
+#include "evidence/artifact/inputs.hpp"
 #include "evidence/artifact/rollout_json.hpp"
 #include "monitor/record/bounded_file.hpp"
 
@@ -21,6 +22,13 @@ namespace {
 
 constexpr std::array kSealed{"manifest.json",   "panel.yaml",       "rollout.schema.json", "rollouts.jsonl",
                              "rollouts.sha256", "rollouts.parquet", "confusion.json"};
+
+// An earlier version kept no inputs. Their contents have their hashes for names.
+std::vector<const char*> sealed_files(bool with_inputs) {
+  std::vector<const char*> files(kSealed.begin(), kSealed.end());
+  if (with_inputs) files.push_back(kInputsFile);
+  return files;
+}
 
 // The next line without its end; what is left begins behind it.
 std::string_view take_line(std::string_view& text) {
@@ -80,7 +88,7 @@ std::string broken_row_seal(std::string_view rows, std::string_view seals, bool 
 
 std::expected<std::string, std::string> seal_of(const ArtifactFolder& folder, const std::string& artifact_id) {
   nlohmann::ordered_json json{{"schema", kSealSchema}, {"artifact_id", artifact_id}};
-  for (const char* const file : kSealed) {
+  for (const char* const file : sealed_files(keeps_inputs(folder))) {
     const auto text = monitor::read_file(folder.path() + "/" + file);
     if (!text) return std::unexpected(text.error());
     json["files"][file] = config::sha256_hex(*text);
@@ -100,7 +108,8 @@ std::string broken_seal(const ArtifactFolder& folder, const std::string& artifac
   if (!json->is_object() || json->value("schema", "") != kSealSchema || !is_object("files") || !is_object("runs"))
     return fmt::format("seal.json is no seal of this version ({})", kSealSchema);
   if (json->value("artifact_id", "") != artifact_id) return "seal.json is of another artifact";
-  for (const char* const file : kSealed) {
+  const auto names = sealed_files(keeps_inputs(folder) || json->at("files").contains(kInputsFile));
+  for (const char* const file : names) {
     const auto content = monitor::read_file(folder.path() + "/" + file);
     if (!content) return content.error();
     if (json->at("files").value(file, "") != config::sha256_hex(*content))
@@ -110,7 +119,7 @@ std::string broken_seal(const ArtifactFolder& folder, const std::string& artifac
   const bool leads_astray = std::any_of(runs.begin(), runs.end(), [](const auto& item) {
     return !leads_into_runs(item.key()) || !item.value().is_string();
   });
-  const bool has_more = json->size() != 4 || json->at("files").size() != kSealed.size();
+  const bool has_more = json->size() != 4 || json->at("files").size() != names.size();
   if (leads_astray || has_more || *text != json->dump(2) + "\n") return "seal.json is not as it was written";
   return {};
 }

@@ -4,7 +4,8 @@
 //
 //   rollouts.sha256   a line per row: SHA-256 over the line before and the row, in hexadecimal
 //   seal.json         SHA-256 of every file of a finished artifact, those of kept run folders (runs/) included, but the
-//                     seal itself and postmortems/, which people write after it
+//                     seal itself, postmortems/, which people write after it, and inputs/, whose files are named by
+//                     their hashes
 #pragma once
 
 #include <cstddef>

@@ -16,9 +16,11 @@ import datetime
 import hashlib
 import json
 import pathlib
+import re
 import sys
 
 SEALED = ("manifest.json", "panel.yaml", "rollout.schema.json", "rollouts.jsonl", "rollouts.sha256", "rollouts.parquet", "confusion.json")
+INPUTS = "inputs.json"  # an earlier version keeps none
 PAYLOAD_TYPE = "application/vnd.in-toto+json"
 STATEMENT_TYPE = "https://in-toto.io/Statement/v1"
 PREDICATE_TYPE = "https://in-toto.io/attestation/test-result/v0.1"
@@ -46,12 +48,10 @@ def point_of(data):
         return None
     square = (y * y - 1) * pow(D * y * y + 1, P - 2, P) % P
     x = pow(square, (P + 3) // 8, P)
-    if (x * x - square) % P:
-        x = x * ROOT % P
+    x = x * ROOT % P if (x * x - square) % P else x
     if (x * x - square) % P or (x == 0 and sign):
         return None
-    if x & 1 != sign:
-        x = P - x
+    x = P - x if x & 1 != sign else x
     return x, y, 1, x * y % P
 
 
@@ -73,12 +73,6 @@ def times(number, point):
     return total
 
 
-def encoded(point):
-    inverse = pow(point[2], P - 2, P)
-    x, y = point[0] * inverse % P, point[1] * inverse % P
-    return (y | (x & 1) << 255).to_bytes(32, "little")
-
-
 BASE = point_of((4 * pow(5, P - 2, P) % P).to_bytes(32, "little"))
 
 
@@ -90,8 +84,10 @@ def is_signature(public, message, signature):
     if key is None or s >= L:
         return False
     h = int.from_bytes(hashlib.sha512(signature[:32] + public + message).digest(), "little") % L
-    negated = (P - key[0], key[1], 1, P - key[3])
-    return encoded(add(times(s, BASE), times(h, negated))) == signature[:32]
+    point = add(times(s, BASE), times(h, (P - key[0], key[1], 1, P - key[3])))
+    inverse = pow(point[2], P - 2, P)
+    x, y = point[0] * inverse % P, point[1] * inverse % P
+    return (y | (x & 1) << 255).to_bytes(32, "little") == signature[:32]
 
 
 def public_key(path):
@@ -124,10 +120,9 @@ def path_of(folder, name):
 
 
 def content(folder, name):
-    path = path_of(folder, name)
-    if path.stat().st_size > MOST_BYTES:
+    if path_of(folder, name).stat().st_size > MOST_BYTES:
         raise Refused(f"{name} is too large")
-    return path.read_bytes()
+    return (folder / name).read_bytes()
 
 
 def hash_of(file, size):
@@ -163,6 +158,15 @@ def parsed(data, name):
     return found
 
 
+def check_inputs(folder, sealed):
+    """What the rows were computed from: each content has its hash for a name."""
+    if INPUTS not in sealed:
+        raise Refused(f"{INPUTS} is not in the seal")
+    for name, digest in (one for files in parsed(content(folder, INPUTS), INPUTS)["tasks"].values() for one in files.items()):
+        if not re.fullmatch("[0-9a-f]{64}", str(digest)) or file_hash(folder, f"inputs/{digest}") != digest:
+            raise Refused(f"{name} of {INPUTS} is not what was kept")
+
+
 def may_be_of_run(name):
     parts = pathlib.PurePosixPath(name).parts
     return parts[:1] == ("runs",) and ".." not in parts and "\0" not in name
@@ -174,14 +178,13 @@ def check_seal(folder):
     files, runs = seal.get("files"), seal.get("runs")
     if seal.get("schema") != "takt.seal/1" or not isinstance(files, dict) or not isinstance(runs, dict):
         raise Refused("seal.json is no seal of this version (takt.seal/1)")
-    if set(seal) != {"schema", "artifact_id", "files", "runs"} or set(files) != set(SEALED) or not all(map(may_be_of_run, runs)):
+    if set(seal) != {"schema", "artifact_id", "files", "runs"} or set(files) - {INPUTS} != set(SEALED) or not all(map(may_be_of_run, runs)):
         raise Refused("seal.json is not as it was written")
-    for name, digest in runs.items():
+    for name, digest in [*runs.items(), *files.items()]:
         if file_hash(folder, name) != digest:
             raise Refused(f"{name} is not the file that was sealed")
-    for name in SEALED:
-        if file_hash(folder, name) != files[name]:
-            raise Refused(f"{name} is not the file that was sealed")
+    if (folder / INPUTS).exists():
+        check_inputs(folder, files)
     manifest = parsed(content(folder, "manifest.json"), "manifest.json")
     if manifest.get("complete") is not True:
         raise Refused("the artifact is unfinished")
@@ -206,10 +209,6 @@ def check_rows(folder):
     return len(rows)
 
 
-def utc(unix_ns):
-    return datetime.datetime.fromtimestamp(unix_ns // 10**9, datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
-
-
 def check_segments(folder, name, segments):
     if name == EVENTS and not segments:
         return
@@ -217,9 +216,10 @@ def check_segments(folder, name, segments):
     since, at = "its beginning", 0
     with path.open("rb") as file:
         for one in segments:
+            until = datetime.datetime.fromtimestamp(one["until_unix_ns"] // 10**9, datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
             if hash_of(file, one["bytes"]) != one["sha256"]:
-                raise Refused(f"{name} is not as it was recorded from {since} to {utc(one['until_unix_ns'])} (from byte {at} on)")
-            since, at = utc(one["until_unix_ns"]), at + one["bytes"]
+                raise Refused(f"{name} is not as it was recorded from {since} to {until} (from byte {at} on)")
+            since, at = until, at + one["bytes"]
     if name != EVENTS and path.stat().st_size != at:
         raise Refused(f"{name} has {path.stat().st_size - at} bytes that were not recorded")
 
@@ -263,22 +263,19 @@ def check_signature(folder, key_file):
         raise Refused("seal.dsse.json is no DSSE envelope around an in-toto statement")
     payload = from_base64(envelope.get("payload"), "the payload of seal.dsse.json")
     message = f"DSSEv1 {len(PAYLOAD_TYPE)} {PAYLOAD_TYPE} {len(payload)} ".encode() + payload
-    said = [one.get("sig") for one in signatures if isinstance(one, dict)]
-    if not any(is_signature(public, message, from_base64(sig, "a signature")) for sig in said[:16]):
+    if not any(is_signature(public, message, from_base64(one.get("sig"), "a signature")) for one in signatures[:16] if isinstance(one, dict)):
         raise Refused("it is not signed by that key")
     statement = parsed(payload, "what is signed")
     subjects = statement.get("subject")
     if statement.get("_type") != STATEMENT_TYPE or statement.get("predicateType") != PREDICATE_TYPE or not isinstance(subjects, list):
         raise Refused("what is signed is no statement about a seal")
-    names = set()
     for subject in subjects:
         name = subject.get("name") if isinstance(subject, dict) else None
         if not isinstance(name, str) or not may_be_subject(name):
             raise Refused("the signed statement names a file that is no part of a seal")
         if subject.get("digest") != {"sha256": file_hash(folder, name)}:
             raise Refused(f"{name} is not the file that was signed")
-        names.add(name)
-    if "seal.json" not in names:
+    if all(subject["name"] != "seal.json" for subject in subjects):
         raise Refused("the signed statement does not name seal.json")
     return key_id
 
@@ -292,7 +289,7 @@ def main(words):
         is_run = (folder / "ticks.mcap").exists()
         name, count = check_run(folder) if is_run else (check_seal(folder), check_rows(folder))
         key_id = check_signature(folder, pathlib.Path(words[2])) if len(words) == 3 else None
-    except (Refused, OSError, ValueError, OverflowError) as refusal:
+    except (Refused, OSError, ValueError, OverflowError, AttributeError, KeyError, TypeError) as refusal:
         print(f"{folder}: {refusal}")
         return 1
     print(f"{name}: {count} {'segments' if is_run else 'rows'}, every file is the one that was sealed; " + (f"signed by {key_id}" if key_id else "no signature was checked"))

@@ -34,12 +34,6 @@ double seconds_in(const RolloutRow& row, Mode mode, const config::RobotConfig& r
          robot.control.period.seconds();
 }
 
-// How one rollout bears on what is attested.
-struct Bearing {
-  double seconds = 0;  // in it
-  bool came_to_it = false, is_trial = false, stood = false;
-};
-
 Bearing of_stop(const RolloutRow& row, std::string_view cause, const config::RobotConfig& robot) {
   Bearing bearing{.seconds = seconds_in(row, Mode::damped_stop, robot)};
   const bool latched = row.safety.entered_damped_stop + row.safety.entered_fault_latched != 0;
@@ -59,10 +53,6 @@ Bearing of_fallback(const RolloutRow& row, const config::RobotConfig& robot) {
   bearing.stood = bearing.came_to_it && !row.fell && !latched;
   bearing.is_trial = bearing.came_to_it || row.fell || latched;
   return bearing;
-}
-
-Bearing bearing_of(const RolloutRow& row, std::string_view of, const config::RobotConfig& robot) {
-  return is_stop(of) ? of_stop(row, of.substr(kStops.size()), robot) : of_fallback(row, robot);
 }
 
 std::vector<AttestedCondition> conditions_of(std::span<const RolloutRow* const> rows, const std::string& of,
@@ -240,6 +230,10 @@ std::string end_not_seen(const Attestation& a, const config::RobotConfig& robot)
 }
 
 }  // namespace
+
+Bearing bearing_of(const RolloutRow& row, std::string_view of, const config::RobotConfig& robot) {
+  return is_stop(of) ? of_stop(row, of.substr(kStops.size()), robot) : of_fallback(row, robot);
+}
 
 std::uint64_t AttestedCondition::stood() const {
   return static_cast<std::uint64_t>(std::ranges::count(trials, true, &AttestedTrial::stood));

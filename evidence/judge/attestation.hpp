@@ -69,6 +69,13 @@ struct Attestation {
 // without `shown_by`; its policies and its MuJoCo model by their contents, wherever they lie.
 std::expected<std::string, std::string> moving_parts_sha256(const config::RobotConfig& robot);
 
+// How one rollout bears on what is attested.
+struct Bearing {
+  double seconds = 0;  // in the stop, or degraded
+  bool came_to_it = false, is_trial = false, stood = false;
+};
+Bearing bearing_of(const RolloutRow& row, std::string_view of, const config::RobotConfig& robot);
+
 // What `artifact` shows of `of`. `robot`: as the method ran it; its rows must be that robot's.
 std::expected<Attestation, std::string> attest(const Artifact& artifact, const config::RobotConfig& robot,
                                                const std::string& of, const std::string& method, const FallRule& fall);

@@ -10,6 +10,7 @@
 
 #include "config/load.hpp"
 #include "evidence/artifact/confusion.hpp"
+#include "evidence/artifact/inputs.hpp"
 #include "evidence/artifact/rollout_parquet.hpp"
 #include "evidence/artifact/seal.hpp"
 #include "evidence/judge/post_mortem.hpp"
@@ -19,6 +20,9 @@ namespace takt::panel {
 namespace {
 
 using Promise = std::expected<PanelPromise, std::string>;
+
+constexpr double kShortestPeriod_s = 1e-4, kLongestPeriod_s = 0.1;  // of control, as robot files have it
+constexpr std::size_t kClaimWords = 3;                              // at least
 
 void find_other_contracts(const std::string& method, const std::string& task, const TaskFacts& facts,
                           const PanelPromise& promise, std::vector<std::string>& missing) {
@@ -67,6 +71,13 @@ void find_holes(const Artifact& artifact, std::vector<std::string>& missing) {
   }
 }
 
+// A method that was compared elsewhere, or that did badly.
+void find_unshown(const Artifact& artifact, const PanelPromise& promise, std::vector<std::string>& missing) {
+  for (const auto& [name, configuration] : promise.methods)
+    if (!artifact.manifest.methods.contains(name))
+      missing.push_back(fmt::format("not shown: method {} of panel.yaml", name));
+}
+
 // A condition that no row has is one that every method lacks, and that no comparison of rows shows.
 void find_untried(const Artifact& artifact, const PanelPromise& promise, std::vector<std::string>& missing) {
   std::set<PairKey> ran, planned;
@@ -108,16 +119,48 @@ AuditItem perturbation_panel(const Artifact& artifact, const Promise& promise) {
   } else if (!promise) {
     item.missing.push_back(fmt::format("panel.yaml is no panel of this version: {}", promise.error()));
   } else {
+    find_unshown(artifact, *promise, item.missing);
     find_untried(artifact, *promise, item.missing);
   }
   find_holes(artifact, item.missing);
   return item;
 }
 
-AuditItem monitor_state(const Artifact& artifact) {
+// Why the panel's rollouts do not end so; empty: they may. Robot files, which say the exact period, are elsewhere.
+// `world_says`: a program outside may, at any time, that the task is done.
+std::string impossible_end(const RolloutRow& row, const PanelPromise::Outcome& panel, bool world_says) {
+  const auto ticks = static_cast<double>(row.ticks);
+  if (const double most = panel.duration_s / kShortestPeriod_s + 1; ticks > most)
+    return fmt::format("has {} ticks, and {:g} s have at most {:.0f}", row.ticks, panel.duration_s, most);
+  if (!panel.bound_m || world_says) return {};
+  // Half of them may be lost to whatever preempts the loop.
+  if (const double least = panel.duration_s / kLongestPeriod_s / 2; row.success && ticks < least)
+    return fmt::format("is a success of {} ticks, and {:g} s have at least {:.0f}", row.ticks, panel.duration_s, least);
+  if (row.success && row.tracking_error_rms_m > *panel.bound_m)
+    return fmt::format("is a success with {:g} m of error, and panel.yaml's bound is {:g} m", row.tracking_error_rms_m,
+                       *panel.bound_m);
+  if (row.failure_label == "tracking_error" && row.tracking_error_rms_m <= *panel.bound_m)
+    return fmt::format("failed by an error of {:g} m, and panel.yaml's bound is {:g} m", row.tracking_error_rms_m,
+                       *panel.bound_m);
+  return {};
+}
+
+void find_impossible_ends(const Artifact& artifact, const PanelPromise& promise, std::vector<std::string>& missing) {
+  const bool world_says = !artifact.manifest.outside.world.command.empty();
+  for (std::size_t index = 0; index < artifact.rows.size(); ++index) {
+    const RolloutRow& row = artifact.rows[index];
+    const auto panel = promise.outcomes.find(row.task);
+    if (panel == promise.outcomes.end()) continue;
+    if (const std::string why = impossible_end(row, panel->second, world_says); !why.empty())
+      missing.push_back(fmt::format("row {} {}", index + 1, why));
+  }
+}
+
+AuditItem monitor_state(const Artifact& artifact, const Promise& promise) {
   AuditItem item{.name = "monitor state", .answer = {}, .missing = {}};
   std::map<std::string, std::size_t> ends;
   std::size_t unhashed = 0;
+  if (promise) find_impossible_ends(artifact, *promise, item.missing);
   for (const RolloutRow& row : artifact.rows) {
     ++ends[row.final_mode == Mode::tracking ? std::string(name(row.final_mode))
                                             : fmt::format("{} ({})", name(row.final_mode), name(row.final_cause))];
@@ -162,6 +205,20 @@ AuditItem run_folders(const Artifact& artifact) {
   return item;
 }
 
+AuditItem kept_inputs(const Artifact& artifact) {
+  AuditItem item{.name = "inputs", .answer = "none kept: --recompute needs --panel", .missing = {}};
+  if (!keeps_inputs(artifact.folder)) return item;
+  item.missing = altered_inputs(artifact.folder);
+  const auto inputs = read_inputs(artifact.folder);
+  if (!inputs) return item;
+  std::size_t files = 0;
+  for (const auto& [task, kept] : inputs->tasks) files += kept.size();
+  item.answer = fmt::format("{} files of {} tasks kept", files, inputs->tasks.size());
+  if (!inputs->not_kept.empty())
+    item.answer += fmt::format("; {} named only, such as {}", inputs->not_kept.size(), inputs->not_kept.begin()->first);
+  return item;
+}
+
 AuditItem fault_verdicts(const Artifact& artifact) {
   AuditItem item{.name = "fault verdicts", .answer = {}, .missing = {}};
   for (const auto& [method, confusion] : confusions_of(artifact.rows)) {
@@ -185,6 +242,8 @@ AuditItem claim(std::string_view name, const Artifact& artifact, const Promise& 
   AuditItem item{
       .name = fmt::format("{} claim", name), .answer = promise ? promise->claims.*text : said, .missing = {}};
   if (item.answer.empty()) item.missing.push_back(fmt::format("the panel file has no claims.{}", name));
+  if (!item.answer.empty() && words_in(item.answer) < kClaimWords)
+    item.missing.push_back(fmt::format("claims.{} claims nothing in {} words", name, words_in(item.answer)));
   if (item.answer != said) item.missing.push_back(fmt::format("the manifest claims otherwise: {}", said));
   return item;
 }
@@ -199,6 +258,10 @@ AuditItem post_mortems(const Artifact& artifact) {
     switch (post_mortem_state(artifact, row)) {
       case PostMortemState::completed:
         ++completed;
+        break;
+      case PostMortemState::signed_only:
+        item.missing.push_back(fmt::format("row {} failed ({}) and postmortems/{}.md has a name and no conclusion",
+                                           index + 1, row.failure_label, rollout_id(row)));
         break;
       case PostMortemState::drafted:
         item.missing.push_back(fmt::format("row {} failed ({}) and nobody completed postmortems/{}.md", index + 1,
@@ -226,14 +289,15 @@ bool Audit::is_ready() const {
 }
 
 Audit audit(const Artifact& artifact, const Promise& promise) {
-  return {.artifact_id = artifact.manifest.artifact_id,
-          .items = {metric_contract(artifact, promise), perturbation_panel(artifact, promise), monitor_state(artifact),
-                    artifact_id(artifact), run_folders(artifact), fault_verdicts(artifact),
-                    claim("conceptual", artifact, promise, &Claims::conceptual),
-                    claim("systems", artifact, promise, &Claims::systems),
-                    claim("evidence", artifact, promise, &Claims::evidence), post_mortems(artifact)},
-          .recomputed = {},
-          .signed_by = {}};
+  return {
+      .artifact_id = artifact.manifest.artifact_id,
+      .items = {metric_contract(artifact, promise), perturbation_panel(artifact, promise),
+                monitor_state(artifact, promise), artifact_id(artifact), run_folders(artifact), kept_inputs(artifact),
+                fault_verdicts(artifact), claim("conceptual", artifact, promise, &Claims::conceptual),
+                claim("systems", artifact, promise, &Claims::systems),
+                claim("evidence", artifact, promise, &Claims::evidence), post_mortems(artifact)},
+      .recomputed = {},
+      .signed_by = {}};
 }
 
 std::string audit_text(const Audit& audit) {
@@ -268,6 +332,21 @@ std::string audit_text(const Audit& audit) {
   if (audit.is_consistent())
     return text + "consistent: nothing is missing; --recompute or --signed-by makes it audit-ready\n";
   return text + "not audit-ready\n";
+}
+
+std::string audit_text(const Attestation& attestation, const std::optional<Recomputed>& recomputed) {
+  std::string text = fmt::format("{:<20}{} of {}\n{:<20}{}\n", "attestation", attestation.of, attestation.robot, "says",
+                                 what_it_shows(attestation));
+  std::string rests = "consistent; no rollout computed anew";
+  if (recomputed) rests = fmt::format("consistent; {} of {} rollouts computed anew", recomputed->rows, recomputed->of);
+  if (recomputed && !recomputed->differences.empty()) {
+    for (const std::string& one : recomputed->differences)
+      text += fmt::format("{:<20}differs: {}\n", "recomputed", one);
+    rests += fmt::format(", {} came out otherwise", recomputed->differences.size());
+  }
+  text += fmt::format("{:<20}{}\n", "rests on", rests);
+  if (!recomputed) return text + "consistent: --recompute with --panel makes it audit-ready\n";
+  return text + (recomputed->differences.empty() ? "audit-ready\n" : "not audit-ready\n");
 }
 
 nlohmann::ordered_json to_json(const Audit& audit) {

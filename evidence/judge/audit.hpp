@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "evidence/artifact/artifact.hpp"
+#include "evidence/judge/attestation.hpp"
 
 namespace takt::panel {
 
@@ -56,8 +57,17 @@ struct PanelPromise {
   struct Contract {
     std::optional<double> max_age_ms, epsilon, confidence;
   };
+  // Of a rollout of the task. `bound_m`: a success has no more error; empty: its world says what one is.
+  struct Outcome {
+    std::optional<double> bound_m;
+    double duration_s = 0;
+  };
+  // What a method says otherwise than the robot file: key -> value, as it is written.
+  using Configuration = std::map<std::string, std::string>;
   Claims claims;
+  std::map<std::string, Configuration> methods;
   std::vector<Condition> conditions;                                  // each over every seed
+  std::map<std::string, Outcome> outcomes;                            // by task
   std::map<std::pair<std::string, std::string>, Contract> contracts;  // by method and task
 };
 
@@ -66,5 +76,7 @@ Audit audit(const Artifact& artifact, const std::expected<PanelPromise, std::str
 // Ends with what the verdict rests on.
 std::string audit_text(const Audit& audit);
 nlohmann::ordered_json to_json(const Audit& audit);
+// Of an attestation, which is consistent where it can be read.
+std::string audit_text(const Attestation& attestation, const std::optional<Recomputed>& recomputed);
 
 }  // namespace takt::panel

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <map>
+#include <set>
 #include <string_view>
 
 #include "evidence/artifact/rollout_fields.hpp"
@@ -209,6 +210,17 @@ void note_contracts(const MethodFacts& a, const MethodFacts& b, Comparison& out)
   }
 }
 
+// The programs' hashes, shortened; a merged artifact has several hosts.
+std::set<std::string> builds_of(const Artifact& artifact) {
+  constexpr std::size_t kShown = 12;
+  std::set<std::string> builds;
+  const nlohmann::ordered_json& host = artifact.manifest.host;
+  for (const nlohmann::ordered_json& one : host.is_array() ? host : nlohmann::ordered_json::array({host}))
+    if (one.is_object() && one.contains(kProgramHash) && one.at(kProgramHash).is_string())
+      builds.insert(one.at(kProgramHash).get<std::string>().substr(0, kShown));
+  return builds;
+}
+
 void add_notes(const Artifact& a, const Artifact& b, Comparison& out) {
   for (const auto& [name, artifact] : {std::pair{"A", &a}, std::pair{"B", &b}}) {
     if (artifact->manifest.complete) continue;
@@ -218,6 +230,11 @@ void add_notes(const Artifact& a, const Artifact& b, Comparison& out) {
   for (const auto& [name, side] : {std::pair{"A", &out.a}, std::pair{"B", &out.b}}) {
     if (side->unpaired != 0) out.notes.push_back(fmt::format("{} rows of {} have no partner", side->unpaired, name));
   }
+  if (contents_of(a.manifest.outside.policy_host) != contents_of(b.manifest.outside.policy_host))
+    out.notes.emplace_back("other programs answer for the policies of A than for those of B (--policy-host)");
+  if (const auto of_a = builds_of(a), of_b = builds_of(b); !of_a.empty() && !of_b.empty() && of_a != of_b)
+    out.notes.push_back(fmt::format("A and B were computed by different builds of the same sources: {} and {}",
+                                    fmt::join(of_a, ", "), fmt::join(of_b, ", ")));
   if (a.manifest.script_source_sha256.empty()) {
     out.notes.emplace_back("the script is known by its version only, not by the hash of its sources");
   }
@@ -259,6 +276,30 @@ std::expected<Comparison, std::string> compare(const Artifact& a, const Artifact
   compare_groups(same_contracts, out);
   add_notes(a, b, out);
   return out;
+}
+
+void name_configuration(const Artifact& a, const Artifact& b, const PanelPromise& promise, Comparison& comparison) {
+  const auto of_a = promise.methods.find(comparison.a.method), of_b = promise.methods.find(comparison.b.method);
+  if (of_a == promise.methods.end() || of_b == promise.methods.end()) {
+    comparison.notes.emplace_back("panel.yaml does not name both methods, so nothing says how they differ");
+    return;
+  }
+  std::map<std::string, ConfigurationDifference> differences;
+  for (const auto& [key, value] : of_a->second) differences[key].a = value;
+  for (const auto& [key, value] : of_b->second) differences[key].b = value;
+  comparison.configuration.emplace();
+  for (auto& [key, one] : differences) {
+    one.key = key;
+    if (one.a != one.b) comparison.configuration->push_back(one);
+  }
+  for (const auto& [task, facts] : a.manifest.methods.at(comparison.a.method).tasks) {
+    const auto& tasks = b.manifest.methods.at(comparison.b.method).tasks;
+    const auto other = tasks.find(task);
+    if (other == tasks.end() || !comparison.configuration->empty()) continue;
+    if (facts.config_sha256 != other->second.config_sha256)
+      comparison.notes.push_back(
+          fmt::format("on {} the robot files of A and B differ, and panel.yaml does not say how", task));
+  }
 }
 
 }  // namespace takt::panel

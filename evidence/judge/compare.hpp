@@ -17,6 +17,7 @@
 
 #include "evidence/artifact/artifact.hpp"
 #include "evidence/artifact/confusion.hpp"
+#include "evidence/judge/audit.hpp"
 #include "evidence/judge/paired_statistics.hpp"
 
 namespace takt::panel {
@@ -67,6 +68,11 @@ struct SuccessMargin {
   bool with_plan = false;
 };
 
+// Of what the panel file gives the two methods; empty: as the robot file has it.
+struct ConfigurationDifference {
+  std::string key, a, b;
+};
+
 struct Comparison {
   Side a, b;
   std::string panel;
@@ -74,12 +80,17 @@ struct Comparison {
   std::vector<GroupComparison> groups;
   GroupComparison pooled;
   std::optional<SuccessMargin> margin;
-  std::vector<std::string> notes;  // what a reader must know before quoting a number
+  std::vector<std::string> notes;                                     // what a reader must know before quoting a number
+  std::optional<std::vector<ConfigurationDifference>> configuration;  // none: the panel file was not asked
 };
 
 // Empty method names stand for an artifact's only method. The error is one sentence: why these must not be compared.
 std::expected<Comparison, std::string> compare(const Artifact& a, const Artifact& b, const std::string& method_a = "",
                                                const std::string& method_b = "");
+
+// In what the two methods differ, says `promise`, of the panel that both come from; a note where the manifests say
+// otherwise.
+void name_configuration(const Artifact& a, const Artifact& b, const PanelPromise& promise, Comparison& comparison);
 
 // How B's success over all pairs stands to A's.
 enum class MarginVerdict : std::uint8_t {

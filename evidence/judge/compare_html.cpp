@@ -134,6 +134,15 @@ std::string confusion_html(std::string_view side, const std::string& method, con
   return html + "</table>\n";
 }
 
+std::string configuration_html(const Comparison& comparison) {
+  if (!comparison.configuration || comparison.configuration->empty()) return "";
+  std::string html = "<h2>In what the methods differ</h2>\n<table><tr><th>key</th><th>A</th><th>B</th></tr>\n";
+  const auto value = [](const std::string& said) { return said.empty() ? "as the robot file has it" : escaped(said); };
+  for (const auto& [key, in_a, in_b] : *comparison.configuration)
+    html += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td></tr>\n", escaped(key), value(in_a), value(in_b));
+  return html + "</table>\n";
+}
+
 std::string confusions_html(const Comparison& comparison) {
   if (!comparison.a.confusion || !comparison.b.confusion) return "";
   return "<h2>Fault classifier: planted causes against verdicts</h2>\n" +
@@ -152,6 +161,7 @@ std::string comparison_html(const Comparison& comparison) {
       escaped(comparison.panel), escaped(comparison.a.method), escaped(comparison.b.method),
       escaped(comparison.a.artifact_id), escaped(comparison.b.artifact_id), comparison.pairs.size());
   for (const std::string& note : comparison.notes) html += fmt::format("<p class=\"note\">{}</p>\n", escaped(note));
+  html += configuration_html(comparison);
   if (comparison.margin) html += fmt::format("<p>{}</p>\n", margin_text(comparison, *comparison.margin));
   html += group_html(comparison.pooled) + fmt::format("<p>Success {}</p>\n", any_look_text(comparison.pooled.success));
   for (const GroupComparison& group : comparison.groups) html += group_html(group);

@@ -77,7 +77,11 @@ std::string head_text(const Comparison& comparison) {
   text += fmt::format("A             {} of {}\n", comparison.a.method, comparison.a.artifact_id);
   text += fmt::format("B             {} of {}\n", comparison.b.method, comparison.b.artifact_id);
   for (const std::string& note : comparison.notes) text += fmt::format("note          {}\n", note);
-  return text;
+  if (!comparison.configuration) return text;
+  const auto value = [](const std::string& said) { return said.empty() ? "as the robot file has it" : said; };
+  for (const ConfigurationDifference& one : *comparison.configuration)
+    text += fmt::format("configuration {}: A {}, B {}\n", one.key, value(one.a), value(one.b));
+  return comparison.configuration->empty() ? text + "configuration the same in panel.yaml\n" : text;
 }
 
 Json json_of(const Side& side) {
@@ -115,6 +119,11 @@ Json to_json(const Comparison& comparison) {
   json["a"] = json_of(comparison.a);
   json["b"] = json_of(comparison.b);
   json["notes"] = comparison.notes;
+  if (comparison.configuration) {
+    json["configuration"] = Json::array();
+    for (const auto& [key, in_a, in_b] : *comparison.configuration)
+      json["configuration"].push_back({{"key", key}, {"a", in_a}, {"b", in_b}});
+  }
   json["bootstrap"] = {{"resamples", kResamples}, {"confidence", kConfidence}};
   if (comparison.margin) {
     const double width = comparison.margin->width;

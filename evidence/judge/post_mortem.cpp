@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "evidence/judge/post_mortem.hpp"
 
+#include <algorithm>
+#include <cctype>
 #include <filesystem>
 
 #include "evidence/review/counterfactual.hpp"
@@ -13,6 +15,16 @@ namespace takt::panel {
 namespace {
 
 constexpr std::string_view kSignature = "completed-by:";
+constexpr std::size_t kConclusionWords = 3;  // of a conclusion
+
+// That a person wrote below the heading.
+std::size_t concluded_words(std::string_view text) {
+  const std::size_t begin = text.find(kConclusion);
+  if (begin == std::string_view::npos) return 0;
+  const std::string_view part = text.substr(begin + kConclusion.size());
+  const std::size_t words = words_in(part.substr(0, part.find(kSignature)));
+  return part.contains(kToConclude) ? words - words_in(kToConclude) : words;
+}
 
 std::string trimmed(std::string_view text) {
   const std::size_t first = text.find_first_not_of(" \t\r*_");
@@ -123,6 +135,17 @@ std::expected<std::size_t, std::string> draft_post_mortems(const Artifact& artif
   return drafted;
 }
 
+std::size_t words_in(std::string_view text) {
+  std::size_t words = 0;
+  bool inside = false;
+  for (const char c : text) {
+    const bool letter = std::isgraph(static_cast<unsigned char>(c)) != 0 || static_cast<unsigned char>(c) >= 0x80;
+    words += letter && !inside ? 1U : 0U;
+    inside = letter;
+  }
+  return words;
+}
+
 std::string completed_by(std::string_view post_mortem) {
   for (std::size_t begin = 0; begin < post_mortem.size();) {
     const std::size_t end = std::min(post_mortem.find('\n', begin), post_mortem.size());
@@ -136,7 +159,8 @@ std::string completed_by(std::string_view post_mortem) {
 PostMortemState post_mortem_state(const Artifact& artifact, const RolloutRow& row) {
   const auto text = monitor::read_file(artifact.folder.post_mortem(row));
   if (!text) return PostMortemState::missing;
-  return completed_by(*text).empty() ? PostMortemState::drafted : PostMortemState::completed;
+  if (completed_by(*text).empty()) return PostMortemState::drafted;
+  return concluded_words(*text) < kConclusionWords ? PostMortemState::signed_only : PostMortemState::completed;
 }
 
 }  // namespace takt::panel

@@ -3,8 +3,8 @@
 //
 // A draft states what the row and, where there are records, the ticks say: cause, timeline of transitions, the twenty
 // ticks around the failure, and the command that shows it again. It ends with a line `completed-by:`; a post-mortem
-// counts as completed when a name stands behind it. A file that exists is never overwritten. `takt panel run` drafts
-// them as rollouts fail; `takt audit --draft` those that are missing.
+// counts as completed when a name stands behind it, and a sentence below its heading `Conclusion`. A file that exists
+// is never overwritten. `takt panel run` drafts them as rollouts fail; `takt audit --draft` those that are missing.
 #pragma once
 
 #include <cstddef>
@@ -55,6 +55,10 @@ struct PostMortemDraft {
   std::vector<Incident> incidents{};    // the gravest first
 };
 std::string post_mortem_text(const PostMortemDraft& draft);
+// What the draft has below its heading `Conclusion`, before a person writes.
+inline constexpr std::string_view kConclusion = "## Conclusion\n";
+inline constexpr std::string_view kToConclude =
+    "What went wrong, whether the response was the right one, and what changes because of it:";
 
 // Writes postmortems/ID.md for every failed row that has none, from its run folder where one was kept. Returns how
 // many.
@@ -64,9 +68,16 @@ std::expected<std::size_t, std::string> draft_post_mortems(const Artifact& artif
 std::expected<bool, std::string> keep_post_mortem(const ArtifactFolder& folder, const RolloutRow& row,
                                                   std::string_view draft);
 
-enum class PostMortemState : std::uint8_t { missing, drafted, completed };
+enum class PostMortemState : std::uint8_t {
+  missing,
+  drafted,
+  signed_only,  // a name, and no conclusion
+  completed,
+};
 PostMortemState post_mortem_state(const Artifact& artifact, const RolloutRow& row);
 // Who completed it; empty: nobody yet.
 std::string completed_by(std::string_view post_mortem);
+
+std::size_t words_in(std::string_view text);
 
 }  // namespace takt::panel

@@ -107,10 +107,7 @@ std::string post_mortem_text(const PostMortemDraft& draft) {
   }
   text += fmt::format("\n## See it again\n\n```sh\n{}\n```\n", draft.show_again);
   // The part that no program can write.
-  return text +
-         "\n## Conclusion\n\nWhat went wrong, whether the response was the right one, and what changes because of "
-         "it:\n\n"
-         "\ncompleted-by:\n";
+  return text + fmt::format("\n{}\n{}\n\n\ncompleted-by:\n", kConclusion, kToConclude);
 }
 
 }  // namespace takt::panel

@@ -15,6 +15,7 @@
 #include "config/model_text.hpp"
 #include "evidence/artifact/confusion.hpp"
 #include "evidence/judge/post_mortem.hpp"
+#include "evidence/panel/kept_inputs.hpp"
 #include "executive/contract/version.hpp"
 #include "monitor/judge/fault_classifier.hpp"
 #include "policy_host/engines/load_policy.hpp"
@@ -219,6 +220,7 @@ ArtifactManifest Contest::manifest(std::size_t planned) const {
   made.script_version = release();
   made.script_source_sha256 = source_sha256();
   made.claims = panel_.claims;
+  made.outside = {outside_program(outside_.world), outside_program(outside_.policy)};
   made.planned_rollouts = planned;
   const std::uint64_t last = panel_.first_seed + panel_.seed_count - 1;
   made.seed_plan.rule = fmt::format("seeds {} to {}, the same for every method", panel_.first_seed, last);

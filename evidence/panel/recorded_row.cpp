@@ -121,6 +121,17 @@ class Measuring {
 
 }  // namespace
 
+RecordedRollout recorded_rollout(const Panel& panel, const PlannedRollout& planned, const std::string& folder) {
+  const PanelTask& task = panel.tasks[planned.task];
+  return {.run_folder = folder + "/run",
+          .truth_file = folder + "/truth.jsonl",
+          .task = task.task,
+          .perturbation = panel.perturbations[planned.perturbation].resolved(),
+          .duration = panel.duration,
+          .scored = task.scored,
+          .bound_m = task.bound_m};
+}
+
 std::expected<void, std::string> measure_recorded(const RecordedRollout& rollout, RolloutWatch& watch,
                                                   RolloutRow& row) {
   const auto run = monitor::open_run(rollout.run_folder);

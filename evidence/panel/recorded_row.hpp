@@ -25,6 +25,9 @@ struct RecordedRollout {
   double bound_m = 0;
 };
 
+// Of a planned rollout whose processes lived in `folder`: its run/ and truth.jsonl.
+RecordedRollout recorded_rollout(const Panel& panel, const PlannedRollout& planned, const std::string& folder);
+
 // Fills everything of the row but its identity, verdicts and host fields; `watch` sees the rollout's commands and
 // ticks. The error is one sentence: the recording is unreadable, or shorter than the rollout.
 std::expected<void, std::string> measure_recorded(const RecordedRollout& rollout, RolloutWatch& watch, RolloutRow& row);

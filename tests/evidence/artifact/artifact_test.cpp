@@ -131,6 +131,15 @@ TEST_F(ArtifactTest, ResumesBehindARowWithoutItsSeal) {
   }
 }
 
+// Goal: the schema beside the rows is theirs, whoever made the seals anew. Method: it is exchanged in an artifact that
+// has no seal yet.
+TEST_F(ArtifactTest, TheSchemaFileIsTheOneThatTheManifestNames) {
+  write_artifact(folder, manifest, {rows[0]});
+  ASSERT_TRUE(monitor::replace_file(folder + "/rollout.schema.json", "{}"));
+  EXPECT_EQ(refusal(), folder + "/rollout.schema.json: not the row schema that manifest.json names");
+  EXPECT_EQ(resume_refusal(manifest), refusal());
+}
+
 // Goal: the tool that finishes an artifact takes no row that it did not write. Method: a finished artifact is made
 // unfinished by hand, as somebody who wants other rows does it, and gone on with.
 TEST_F(ArtifactTest, EditedRowsAreNotSealedByGoingOn) {

@@ -29,8 +29,10 @@ class AuditTest : public monitor::TemporaryFolder {
   ArtifactManifest manifest;
   // The panel file's own words.
   PanelPromise promise{.claims = sample_manifest({}, 0).claims,
+                       .methods = {{"fast", {}}},
                        .conditions = {{"reach", "none", 0}, {"reach", "stall", 400}},
-                       .contracts = {{{"fast", "reach"}, {}}, {{"slow", "reach"}, {}}}};
+                       .outcomes = {{"reach", {.bound_m = 0.02, .duration_s = 2}}},
+                       .contracts = {{{"fast", "reach"}, {}}}};
   AuditTest() {
     rows[0].run_folder.clear();
     rows[1].run_folder.clear();
@@ -52,10 +54,15 @@ class AuditTest : public monitor::TemporaryFolder {
     text.replace(text.find(line), std::string::npos, line + who + "\n");
     ASSERT_TRUE(monitor::replace_file(post_mortem(), text));
   }
+  void conclude(const std::string& what) const {
+    std::string text = monitor::read_file(post_mortem()).value();
+    ASSERT_TRUE(monitor::replace_file(post_mortem(), text.insert(text.find("completed-by:"), what + "\n\n")));
+  }
   // Drafted and signed.
   [[nodiscard]] Artifact whole() const {
     Artifact artifact = write_artifact(folder, manifest, rows);
     EXPECT_EQ(draft_post_mortems(artifact), 1U);
+    conclude("The policy stalled; the stop was right.");
     sign(" A. Tester");
     return artifact;
   }
@@ -83,6 +90,7 @@ TEST_F(AuditTest, AWholeArtifactIsReadyAndAnswersByName) {
                 id +
                 "\n"
                 "run folders         none was kept\n"
+                "inputs              none kept: --recompute needs --panel\n"
                 "fault verdicts      the panel plants no cause that the classifier names\n"
                 "conceptual claim    late actions destabilise\n"
                 "systems claim       how stale chunks are refused\n"
@@ -155,6 +163,12 @@ TEST_F(AuditTest, AFailureWithoutACompletedPostMortemIsNotReady) {
   sign("  ");
   EXPECT_FALSE(judged(artifact).is_consistent());
   sign(" A. Tester");
+  EXPECT_EQ(
+      missing(judged(artifact), "post-mortems"),
+      Missing{"row 2 failed (command_lost) and postmortems/reach.stall@400.fast.s1.md has a name and no conclusion"});
+  conclude("It stalled.");
+  EXPECT_FALSE(judged(artifact).is_consistent()) << "two words";
+  conclude("The stop was right.");
   EXPECT_TRUE(judged(artifact).is_consistent());
   // What a person wrote stays.
   EXPECT_EQ(draft_post_mortems(artifact), 0U);
@@ -177,6 +191,45 @@ TEST_F(AuditTest, AClaimThatThePanelDoesNotMakeIsNamed) {
   EXPECT_EQ(std::ranges::find(result.items, "evidence claim", &AuditItem::name)->answer,
             "p95 age and success under stalls");
   EXPECT_TRUE(missing(result, "systems claim").empty());
+}
+
+TEST_F(AuditTest, AClaimIsASentence) {
+  manifest.claims = promise.claims = {"c", "s", "two words"};
+  const Audit result = judged(whole());
+  EXPECT_EQ(missing(result, "conceptual claim"), Missing{"claims.conceptual claims nothing in 1 words"});
+  EXPECT_EQ(missing(result, "systems claim"), Missing{"claims.systems claims nothing in 1 words"});
+  EXPECT_EQ(missing(result, "evidence claim"), Missing{"claims.evidence claims nothing in 2 words"});
+}
+
+// Goal: a method that did badly is not left out in silence. Method: the panel file has one more than the manifest.
+TEST_F(AuditTest, AMethodOfThePanelThatIsNotShownIsNamed) {
+  promise.methods["slow"];
+  EXPECT_EQ(missing(judged(whole()), "perturbation panel"), Missing{"not shown: method slow of panel.yaml"});
+}
+
+// Goal: a row's end is one that the panel's rollouts can have. Method: one row at a time, sound but for that.
+TEST_F(AuditTest, ARowThatThePanelContradictsIsNamed) {
+  const auto named = [&](void (*spoil)(RolloutRow&)) {
+    const std::vector<RolloutRow> sound = rows;
+    spoil(rows[0]);
+    std::filesystem::remove_all(folder);
+    const Missing found = missing(judged(write_artifact(folder, manifest, rows)), "monitor state");
+    rows = sound;
+    return found;
+  };
+  EXPECT_EQ(named([](RolloutRow&) {}), Missing{});
+  EXPECT_EQ(named([](RolloutRow& row) { row.tracking_error_rms_m = 5; }),
+            Missing{"row 1 is a success with 5 m of error, and panel.yaml's bound is 0.02 m"});
+  EXPECT_EQ(named([](RolloutRow& row) { row.success = false, row.failure_label = "tracking_error"; }),
+            Missing{"row 1 failed by an error of 0.01 m, and panel.yaml's bound is 0.02 m"});
+  EXPECT_EQ(named([](RolloutRow& row) {
+              row.ticks = 1;
+              row.misses_per_tick = {.misses = 0, .count = 0, .rate = 0, .effective_count = 0, .upper_bound = 1};
+              row.mode_share = {0, 0, 1, 0, 0, 0};
+            }),
+            Missing{"row 1 is a success of 1 ticks, and 2 s have at least 10"});
+  EXPECT_EQ(named([](RolloutRow& row) { row.ticks = 30'000; }),
+            Missing{"row 1 has 30000 ticks, and 2 s have at most 20001"});
 }
 
 TEST_F(AuditTest, AConditionThatNoMethodRanIsNamed) {
@@ -227,6 +280,11 @@ perturbations:
   ASSERT_EQ(said->conditions.size(), 3U);
   EXPECT_EQ(said->conditions[1], (PanelPromise::Condition{"arm_tracking", "policy_freeze", 400}));
   EXPECT_EQ(said->conditions[2], (PanelPromise::Condition{"cart_pole_balance", "none", 0}));
+  EXPECT_EQ(said->methods.at("a"), PanelPromise::Configuration());
+  EXPECT_EQ(said->methods.at("b"),
+            (PanelPromise::Configuration{{"freshness.epsilon", "0.01"}, {"freshness.max_age", "250 ms"}}));
+  EXPECT_EQ(said->outcomes.at("cart_pole_balance").bound_m, 0.005);
+  EXPECT_EQ(said->outcomes.at("arm_tracking").duration_s, 4);
   EXPECT_EQ(said->contracts.at({"a", "arm_tracking"}).max_age_ms, 200);
   EXPECT_EQ(said->contracts.at({"b", "arm_tracking"}).max_age_ms, 250);
   EXPECT_EQ(said->contracts.at({"b", "cart_pole_balance"}).epsilon, 0.01);
@@ -251,6 +309,7 @@ TEST_F(AuditTest, NamesWhatThePanelLacks) {
 TEST_F(AuditTest, NamesHolesUnfinishedPanelsAndForeignColumns) {
   manifest = planned({"fast", "slow"}, 4);
   manifest.methods.at("slow").tasks.at("reach").epsilon = 0;
+  promise.contracts[{"slow", "reach"}];
   rows.push_back(sample_row("slow", 1));
   rows.back().replay_hash.clear();
   Artifact artifact = write_artifact(folder, manifest, rows);

@@ -231,6 +231,40 @@ TEST_F(CompareTest, MergeRefusesDoublesAndUnfinishedOnes) {
   EXPECT_EQ(merged(poorer), "refusing the mixture: " + poorer.folder.path() + " holds 19 of 20 planned rollouts");
 }
 
+// Goal: a reader sees in what two methods differ, before any number. Method: what the panel file gives each of them.
+TEST_F(CompareTest, SaysInWhatTheMethodsDiffer) {
+  const Artifact a = artifact_of("fast", 0, never), b = artifact_of("slow", 0, never);
+  PanelPromise promise;
+  promise.methods = {{"fast", {{"policy.period", "20 ms"}, {"freshness.max_age", "1 s"}}},
+                     {"slow", {{"policy.period", "40 ms"}, {"freshness.max_age", "1 s"}, {"link", "repeat_last"}}}};
+  Comparison result = compare(a, b).value();
+  name_configuration(a, b, promise, result);
+  const std::string said =
+      "configuration link: A as the robot file has it, B repeat_last\nconfiguration policy.period: A 20 ms, B 40 ms\n";
+  EXPECT_NE(comparison_text(result).find(said), std::string::npos) << comparison_text(result);
+  EXPECT_NE(comparison_rows_text(result).find(said), std::string::npos);
+  EXPECT_EQ(to_json(result)["configuration"][1].dump(), R"({"key":"policy.period","a":"20 ms","b":"40 ms"})");
+  EXPECT_NE(comparison_html(result).find("<tr><td>policy.period</td><td>20 ms</td><td>40 ms</td></tr>"),
+            std::string::npos);
+  EXPECT_TRUE(result.notes.empty());
+  promise.methods["slow"] = promise.methods["fast"];
+  name_configuration(a, b, promise, result);
+  EXPECT_EQ(result.notes,
+            std::vector<std::string>{"on reach the robot files of A and B differ, and panel.yaml does not say how"});
+}
+
+// Goal: another program of the same version and sources is seen. Method: one whose hash the manifest names.
+TEST_F(CompareTest, NotesOtherBuildsOfTheSameSources) {
+  Artifact a = artifact_of("fast", 0, never), b = artifact_of("slow", 0, never);
+  EXPECT_TRUE(a.manifest.host.contains(kProgramHash));
+  EXPECT_TRUE(compare(a, b)->notes.empty());
+  b.manifest.host[kProgramHash] = std::string(64, 'b');
+  const std::string own = a.manifest.host[kProgramHash].get<std::string>().substr(0, 12);
+  EXPECT_EQ(compare(a, b)->notes, std::vector<std::string>{"A and B were computed by different builds of the same "
+                                                           "sources: " +
+                                                           own + " and bbbbbbbbbbbb"});
+}
+
 TEST_F(CompareTest, NotesWhatAReaderMustKnow) {
   const Artifact a = artifact_of("fast", 0, never);
   ArtifactManifest manifest = sample_manifest({"slow"}, 2);

@@ -3,10 +3,16 @@
 // worker's error ends the run with its sentence. Method: the smoke panel, shortened, run whole.
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 #include "evidence/artifact/artifact.hpp"
+#include "evidence/artifact/inputs.hpp"
+#include "evidence/artifact/merge.hpp"
 #include "evidence/artifact/rollout_json.hpp"
+#include "evidence/panel/kept_inputs.hpp"
 #include "evidence/panel/panel_plan.hpp"
 #include "evidence/panel/panel_table.hpp"
+#include "evidence/panel/recompute.hpp"
 #include "evidence/panel/worker_pool.hpp"
 #include "monitor/record/bounded_file.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
@@ -91,6 +97,133 @@ TEST_F(ResumedPanel, AFailedRolloutBringsItsPostMortem) {
   ASSERT_TRUE(monitor::replace_file(file, completed));
   EXPECT_EQ(keep_post_mortem(writer->folder(), ran->row, ran->post_mortem), false);
   EXPECT_EQ(monitor::read_file(file).value(), completed);
+}
+
+// Goal: an artifact is computed anew from itself alone. Method: a panel whose policy lies above its robot file; its
+// files are removed once the rows are there, and what the artifact keeps gives the same rows; one byte of a kept file
+// does not.
+class KeptPanel : public monitor::TemporaryFolder {
+ protected:
+  void SetUp() override {
+    namespace fs = std::filesystem;
+    fs::create_directories(path("lab/robots"));
+    fs::create_directories(path("lab/policies"));
+    fs::copy_file("config/arm6_reach.onnx", path("lab/policies/reach.onnx"));
+    std::string robot = monitor::read_file("config/arm6.yaml").value();
+    const std::string policy = "arm6_reach.onnx ";
+    robot.replace(robot.find(policy), policy.size(), "../policies/reach.onnx ");
+    ASSERT_TRUE(monitor::replace_file(path("lab/robots/arm.yaml"), robot));
+    ASSERT_TRUE(monitor::replace_file(path("lab/panel.yaml"), R"(schema: takt.panel/1
+panel: kept
+duration: 4 s
+seeds: { first: 5, count: 2 }
+tasks:
+  - { task: arm_tracking, robot: robots/arm.yaml, scored: 1 s, bound: 20 mm }
+methods:
+  - { name: often }
+  - { name: seldom, override: [{ key: policy.period, value: 40 ms }] }
+perturbations:
+  - { kind: none }
+)"));
+  }
+  // Of the one method, or of both.
+  [[nodiscard]] Artifact artifact_of(const std::string& folder, const std::string& method) const {
+    auto panel = load_panel(path("lab/panel.yaml")).value();
+    if (!method.empty()) std::erase_if(panel.methods, [&](const auto& one) { return one.name != method; });
+    Contest contest = Contest::prepare(std::move(panel)).value();
+    const auto plan = plan_of(contest.panel(), {});
+    ArtifactWriter writer =
+        ArtifactWriter::create(path(folder), contest.manifest(plan.size()), contest.panel().text).value();
+    EXPECT_TRUE(keep_inputs(contest, writer.folder()));
+    const auto done = run_in_workers(contest, plan, 2, [&](const RanRollout& ran) { return writer.append(ran.row); });
+    EXPECT_TRUE(done) << done.error();
+    EXPECT_TRUE(writer.finish());
+    return open_artifact(path(folder)).value();
+  }
+  [[nodiscard]] static std::expected<Recomputed, std::string> again(const Artifact& artifact) {
+    auto panel = load_panel(artifact.folder.panel()).value();
+    keep_what_ran(artifact.manifest, panel);
+    const auto kept = UnpackedInputs::unpack(artifact.folder);
+    if (!kept) return std::unexpected(kept.error());
+    panel.tasks.at(0).robot = kept->robots().at("arm_tracking");
+    auto contest = Contest::prepare(std::move(panel));
+    if (!contest) return std::unexpected(contest.error());
+    return recompute(artifact, *contest, {0, 1}, 2);
+  }
+};
+
+TEST_F(KeptPanel, GiveTheSameRowsWhereNothingElseIsLeft) {
+  const Artifact artifact = artifact_of("artifact", "");
+  std::filesystem::remove_all(path("lab"));
+  std::filesystem::rename(path("artifact"), path("elsewhere"));
+  Artifact moved = open_artifact(path("elsewhere")).value();
+  const auto result = again(moved);
+  ASSERT_TRUE(result) << result.error();
+  EXPECT_EQ(result->rows, 2U);
+  EXPECT_EQ(result->differences, std::vector<std::string>());
+  moved.rows[1].energy_J /= 2;
+  EXPECT_EQ(again(moved)->differences.size(), 1U);
+}
+
+TEST_F(KeptPanel, AreSealedByTheirHashes) {
+  const Artifact artifact = artifact_of("artifact", "often");
+  EXPECT_EQ(altered_inputs(artifact.folder), std::vector<std::string>());
+  const auto inputs = read_inputs(artifact.folder).value();
+  ASSERT_EQ(inputs.tasks.at("arm_tracking").size(), 2U);
+  const std::string policy = inputs.tasks.at("arm_tracking").at("../policies/reach.onnx");
+  ASSERT_TRUE(monitor::replace_file(artifact.folder.inputs() + "/" + policy, "another"));
+  const std::string why = "inputs/" + policy + " is not what was kept";
+  EXPECT_EQ(altered_inputs(artifact.folder), std::vector{"../policies/reach.onnx of arm_tracking: " + why});
+  EXPECT_EQ(again(artifact).error(), why);
+  ASSERT_TRUE(monitor::replace_file(artifact.folder.inputs_file(), "{}\n"));
+  EXPECT_EQ(open_artifact(artifact.folder.path()).error(),
+            artifact.folder.path() + ": inputs.json is not the file that was sealed");
+  std::filesystem::remove(artifact.folder.inputs_file());
+  EXPECT_FALSE(open_artifact(artifact.folder.path()));
+}
+
+// Paths of a stranger lead nowhere but into the folders that are made for them.
+TEST_F(KeptPanel, LeadNowhereElse) {
+  const ArtifactFolder folder(path("forged"));
+  std::filesystem::create_directories(folder.path());
+  const std::string hash = keep_content(folder, "robot").value();
+  for (const char* const name : {"/etc/passwd", "a/../../../b", "../../../../../../../../../../../../../../../../../x",
+                                 "./a", "..", ""}) {
+    ASSERT_TRUE(
+        write_inputs(folder, {.tasks = {{"arm_tracking", {{"robot.yaml", hash}, {name, hash}}}}, .not_kept = {}}));
+    EXPECT_EQ(UnpackedInputs::unpack(folder).error(), "inputs.json is not as it was written (takt.inputs/1)") << name;
+  }
+}
+
+TEST_F(KeptPanel, GoAlongWhenArtifactsAreMerged) {
+  const std::vector<Artifact> both{artifact_of("often", "often"), artifact_of("seldom", "seldom")};
+  const auto merged = merge(path("merged"), both);
+  ASSERT_TRUE(merged) << merged.error();
+  std::filesystem::remove_all(path("lab"));
+  EXPECT_EQ(again(*merged)->differences, std::vector<std::string>());
+}
+
+// A post-mortem that a person wrote, and one of each side, are there after a merge.
+TEST_F(KeptPanel, AndSoDoPostMortems) {
+  std::vector<Artifact> both{artifact_of("often", "often"), artifact_of("seldom", "seldom")};
+  for (const Artifact& artifact : both)
+    EXPECT_EQ(keep_post_mortem(artifact.folder, artifact.rows[0], "of " + artifact.rows[0].method), true);
+  const Artifact merged = merge(path("merged"), both).value();
+  for (const Artifact& artifact : both)
+    EXPECT_EQ(monitor::read_file(merged.folder.post_mortem(artifact.rows[0])).value(), "of " + artifact.rows[0].method);
+}
+
+TEST(OutsideProgram, IsKnownByTheFilesThatItsCommandNames) {
+  const auto files = outside_program("python3 -u 'tests/evidence/panel/panel_run_test.cpp' {} --seed 7").files;
+  ASSERT_EQ(files.size(), 1U);
+  EXPECT_EQ(files.begin()->first, "tests/evidence/panel/panel_run_test.cpp");
+  EXPECT_EQ(outside_program("/bin/sh -c true").files.size(), 1U);
+  EXPECT_EQ(outside_program("").files.size(), 0U);
+  ArtifactManifest a, b;
+  a.outside.world = b.outside.world = outside_program("sh config/arm6.yaml");
+  EXPECT_EQ(difference_between(a, b), "");
+  b.outside.world = outside_program("sh config/cart_pole.yaml");
+  EXPECT_NE(difference_between(a, b).find("the world's program differs: A has "), std::string::npos);
 }
 
 TEST(PanelRun, AnErrorWhileDeliveringEndsTheRun) {

@@ -13,6 +13,7 @@
 
 #include "config/load.hpp"
 #include "evidence/judge/attestation.hpp"
+#include "evidence/panel/attested_again.hpp"
 #include "evidence/panel/panel_plan.hpp"
 #include "evidence/panel/worker_pool.hpp"
 #include "monitor/record/bounded_file.hpp"
@@ -87,6 +88,40 @@ TEST_F(StopsPanel, HoldingTheWheelsIsRefusedAsEvidence) {
   EXPECT_NE(shortcoming(*made, config::load("config/balancer.yaml").value(), "stops.operator_stop").find("has changed"),
             std::string::npos)
       << "and it is not what the file says";
+}
+
+// Goal: an attestation that nobody's panel gave is found, and so is one that leaves out a fall. Method: of a method of
+// which no rollout stands, one that says that all do; of one that stands, a trial less; both computed anew.
+TEST_F(StopsPanel, AnInventedAttestationIsFound) {
+  const auto again = [&](const Attestation& said) {
+    Panel panel = load_panel(kPanel).value();
+    std::erase_if(panel.perturbations, [](const auto& one) { return one.kind != "operator_stop"; });
+    EXPECT_TRUE(keep_what_is_attested(said, panel));
+    auto contest = Contest::prepare(std::move(panel)).value();
+    auto plan = plan_of(contest.panel(), {});
+    plan.resize(2);
+    return recompute(said, contest, plan, 2);
+  };
+  Attestation invented = attest(run("held", "operator_stop", 30), robot_, "stops.operator_stop", "held", fall_).value();
+  for (AttestedTrial& trial : invented.conditions.at(0).trials) trial.stood = true, trial.seconds = 7;
+  ASSERT_EQ(shortcoming(invented, robot_, "stops.operator_stop"), "") << "it is believed";
+  EXPECT_EQ(again(invented)->differences,
+            (std::vector<std::string>{"operator_stop@1 with seed 1 did not stand, as it is said to",
+                                      "operator_stop@1 with seed 2 did not stand, as it is said to"}));
+  Attestation honest = attest(run("file", "operator_stop", 30), robot_, "stops.operator_stop", "file", fall_).value();
+  EXPECT_EQ(again(honest)->differences, std::vector<std::string>());
+  honest.conditions.at(0).trials.at(1).replay_hash = "00";
+  EXPECT_EQ(again(honest)->differences,
+            std::vector<std::string>{"operator_stop@1 with seed 2 has other ticks than are said (replay_hash)"});
+  auto& trials = honest.conditions.at(0).trials;
+  trials.push_back(trials.back());
+  trials.back().seed = 31;
+  trials.erase(trials.begin());
+  EXPECT_EQ(again(honest)->differences.at(0), "operator_stop@1 with seed 1 is a trial that the attestation leaves out");
+  honest.panel_sha256 = config::sha256_hex("another");
+  Panel other = load_panel(kPanel).value();
+  EXPECT_EQ(keep_what_is_attested(honest, other).error(),
+            "config/panels/stops.yaml is not the panel stops that the attestation names, by its SHA-256");
 }
 
 // Goal: rows of two models are never compared. Method: one robot file, its MJCF changed between two panels.
