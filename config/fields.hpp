@@ -20,6 +20,9 @@
 
 namespace takt::config {
 
+// What `takt config import` writes where only a person knows the value.
+inline constexpr std::string_view kUnfilled = "FILL_IN";
+
 struct Key {
   std::string_view name;
   std::string_view doc;
@@ -106,7 +109,7 @@ class Fields {
     whole(key, wide, low, high);
     value = static_cast<Integer>(wide);
   }
-  // False: it is none of the words; then the value is the first one's.
+  // False: it is none of the words, nor left to be filled in; then the value is the first one's.
   template <class Enum>
   bool choice(const Key& key, Enum& value, Words words) {
     const auto index = static_cast<std::size_t>(value);
@@ -114,7 +117,7 @@ class Fields {
     one_of(key, word, words, key.name);
     const std::optional<std::size_t> known = index_of(words, word);
     value = static_cast<Enum>(known.value_or(0));
-    return known.has_value();
+    return known.has_value() || word == kUnfilled;
   }
   template <class Index>
   void reference(const Key& key, Index& index, Words names_known, std::string_view what) {

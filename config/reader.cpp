@@ -23,9 +23,6 @@ bool is_boolean_by_accident(const Node& node) {
   return !node.quoted && std::ranges::find(kWords, node.text) != kWords.end();
 }
 
-// What `takt config import` writes where only a person knows the value.
-constexpr std::string_view kUnfilled = "FILL_IN";
-
 bool is_unfilled(const Node& node) {
   return node.text == kUnfilled ||
          std::ranges::any_of(node.items, [](const Node& item) { return item.text == kUnfilled; });

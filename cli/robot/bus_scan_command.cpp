@@ -99,8 +99,8 @@ const BusScan::Drive* heard_of(const config::Joint& joint, const Heard& heard) {
   return nullptr;
 }
 
-Line line_of(const config::Joint& joint, const config::RobotConfig& robot, const BusScan::Drive* drive,
-             const JointFeedback& feedback) {
+Line joint_line(const config::Joint& joint, const config::RobotConfig& robot, const BusScan::Drive* drive,
+                const JointFeedback& feedback) {
   Line line{.bus = robot.buses[joint.bus].name,
             .protocol = std::string(config::name(joint.drive.protocol)),
             .id = joint.drive.id,
@@ -118,7 +118,7 @@ std::vector<Line> compare(const Heard& heard, const config::RobotConfig& robot) 
   for (std::size_t bus = 0; bus < robot.buses.size(); ++bus) {
     for (std::size_t j = 0; j < robot.joints.size(); ++j)
       if (robot.joints[j].bus == bus)
-        lines.push_back(line_of(robot.joints[j], robot, heard_of(robot.joints[j], heard), heard.feedback[j]));
+        lines.push_back(joint_line(robot.joints[j], robot, heard_of(robot.joints[j], heard), heard.feedback[j]));
     for (const BusScan::Drive& drive : heard.drives[bus]) {
       const bool is_known = std::ranges::any_of(robot.joints, [&](const config::Joint& joint) {
         return joint.bus == bus && joint.drive.protocol == drive.protocol && joint.drive.id == drive.id;

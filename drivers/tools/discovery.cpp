@@ -346,8 +346,10 @@ std::vector<std::string> differences(const config::Joint& joint, const BusScan::
   std::vector<std::string> wrong;
   if (found != nullptr) add_what_a_scan_heard(joint.drive, *found, wrong);
   // That it forgot with its supply where it is, is no difference.
-  const bool wants_home = kind_of(feedback.error_code) == SetupFault::home_unknown;
-  if (feedback.error_code != 0 && !wants_home)
+  const SetupFault kind = kind_of(feedback.error_code);
+  const bool wants_home = kind == SetupFault::home_unknown;
+  const bool is_silent = found == nullptr && !feedback.received_at.is_set() && kind == SetupFault::settings_unread;
+  if (feedback.error_code != 0 && !wants_home && !is_silent)
     wrong.push_back(error_name(joint.drive, feedback.error_code));
   else if (!feedback.received_at.is_set() && wrong.empty())
     wrong.emplace_back(found == nullptr ? "no answer: is it powered, and are id and bus right?"

@@ -118,10 +118,12 @@ void JointJog::find(MonoTime now) {
   const bool ready = feedback.received_at.is_set() && feedback.drive_state == DriveState::disabled;
   if (ready && (!gravity_ || gravity_())) return aim(now);
   if (now - entered_ <= kFindWithin) return;
+  const bool is_silent = !feedback.received_at.is_set() && kind_of(feedback.error_code) == SetupFault::settings_unread;
   if (!feedback.received_at.is_set() && feedback.error_code == 0)
     fail("no answer from its drive: is it powered, and are id and bus right?", now);
   else if (!ready)
-    fail("its drive does not get ready" + reported(), now);
+    fail("its drive does not get ready" + reported() + (is_silent ? ": is it powered, and are id and bus right?" : ""),
+         now);
   else
     fail("gravity is not known: not every joint of the model tells where it is", now);
 }

@@ -175,8 +175,8 @@ inline constexpr Refusal kRefusals[] = {
             "protocol: dynamixel, baud: 57600, model",
             "19:24: joints[0].drive.protocol: protocol `dynamixel` is not known; write one of: mit, robstride, odrive, "
             "moteus, cia402"},
-    Refusal{"a drive of the other variant", "AK10-9", "DM4310",
-            "19:38: joints[0].drive.variant: DM4310 is no tmotor drive: correct variant or model"},
+    Refusal{"a drive of the other variant", "AK10-9", "DM6006",
+            "19:38: joints[0].drive.variant: DM6006 is no tmotor drive: correct variant or model"},
     Refusal{"an unknown joint in an order", "[knee, hip]", "[knee, hips]",
             "51:23: policy.joint_order: joint `hips` is not known; did you mean `hip`?"},
     Refusal{"a joint named twice in an order", "[knee, hip]", "[knee, knee]",

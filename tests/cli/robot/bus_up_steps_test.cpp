@@ -77,7 +77,7 @@ TEST(BusUpSteps, NoBitRateIsSetWhereTheKernelHasNone) {
 // An interface, and what its driver makes of commands.
 struct Played {
   drivers::CanLink link;
-  std::string refused;  // the command whose line has this is answered with `answer`
+  std::string refused{};  // the command whose line has this is answered with `answer`
   const char* answer = "";
   bool forgets_bitrate = false, falls_down = false;
   int commands = 0;
@@ -98,29 +98,38 @@ struct Played {
     return cli::bring_up(robot, 0, {[this](const Words& command) { return run(command); }, [this] { return link; }});
   }
 };
+drivers::CanLink interface_of(const char* kind) {
+  drivers::CanLink link;
+  link.exists = true;
+  link.kind = kind;
+  link.is_virtual = link.kind != "can";
+  return link;
+}
 drivers::CanLink controller() {
-  return {.exists = true, .kind = "can", .up = true, .controller_state = "BUS-OFF", .bitrate = 500'000};
+  drivers::CanLink link = interface_of("can");
+  link.up = true;
+  link.controller_state = "BUS-OFF";
+  link.bitrate = 500'000;
+  return link;
 }
 
 TEST(BusUpSteps, AControllerIsGivenItsTimingAndItsRestart) {
-  Played interface { .link = controller() };
-  const auto told = interface.bring_up();
+  Played played{.link = controller()};
+  const auto told = played.bring_up();
   ASSERT_TRUE(told.has_value()) << told.error().sentence;
   EXPECT_EQ(*told, std::vector<std::string>{"can0 is up for bus left"});
-  EXPECT_EQ(interface.link.restart_ms, 100U);
+  EXPECT_EQ(played.link.restart_ms, 100U);
 }
 
 // gs_usb (candleLight, CANable) since Linux 6.12.47: without do_set_mode the restart is refused, and nothing else.
 TEST(BusUpSteps, AnAdapterThatCannotRestartIsUpAndToldOf) {
-  Played interface {
-    .link = controller(), .refused = "restart-ms", .answer = "RTNETLINK answers: Operation not supported"
-  };
-  const auto told = interface.bring_up();
+  Played played{.link = controller(), .refused = "restart-ms", .answer = "RTNETLINK answers: Operation not supported"};
+  const auto told = played.bring_up();
   ASSERT_TRUE(told.has_value()) << told.error().sentence;
   ASSERT_EQ(told->size(), 2U);
   EXPECT_NE(told->front().find("takt bus up --robot robot.yaml --interface can0"), std::string::npos) << told->front();
-  EXPECT_TRUE(interface.link.up);
-  EXPECT_EQ(interface.link.bitrate, 1'000'000U);
+  EXPECT_TRUE(played.link.up);
+  EXPECT_EQ(played.link.bitrate, 1'000'000U);
 }
 
 TEST(BusUpSteps, WhatWasTakenAndNotDoneIsNoSuccess) {
@@ -136,13 +145,11 @@ TEST(BusUpSteps, WhatWasTakenAndNotDoneIsNoSuccess) {
 }
 
 TEST(BusUpSteps, ASerialLineIsNoVirtualBus) {
-  Played interface {
-    .link = {.exists = true, .kind = "", .is_virtual = true }
-  };
-  const auto told = interface.bring_up();
+  Played played{.link = interface_of("")};
+  const auto told = played.bring_up();
   ASSERT_TRUE(told.has_value()) << told.error().sentence;
   EXPECT_NE(told->back().find("Was slcand started with the option for 1000000 bit/s?"), std::string::npos);
-  Played vcan{.link = {.exists = true, .kind = "vcan", .is_virtual = true}};
+  Played vcan{.link = interface_of("vcan")};
   ASSERT_TRUE(vcan.bring_up().has_value());
   EXPECT_EQ(vcan.bring_up()->size(), 1U);
   EXPECT_EQ(vcan.link.bitrate, 0U);

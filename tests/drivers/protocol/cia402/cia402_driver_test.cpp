@@ -104,6 +104,12 @@ TEST(Cia402Driver, KnowsNothingUntilTheDriveSaysItIsOperational) {
   EXPECT_EQ(bench.state(), DriveState::disabled);
 }
 
+config::Drive servo() {
+  config::Drive drive;
+  drive.protocol = config::DriveProtocol::cia402;
+  return drive;
+}
+
 // Goal: a drive whose safe torque off is not released says why it does not enable. Method: its statusword stays at
 // switch-on disabled while it is asked.
 TEST(Cia402Driver, ADriveThatDoesNotEnableTellsItsStatusword) {
@@ -117,7 +123,7 @@ TEST(Cia402Driver, ADriveThatDoesNotEnableTellsItsStatusword) {
     bench.tick(true);
   }
   EXPECT_EQ(bench.state(), DriveState::fault);
-  const std::string said = error_name({.protocol = config::DriveProtocol::cia402}, bench.error());
+  const std::string said = error_name(servo(), bench.error());
   EXPECT_NE(said.find("statusword 0250, switch-on disabled: is safe torque off (STO) released"), std::string::npos)
       << said;
   EXPECT_EQ(bench.controlword(true), 0) << "not asked any more";
@@ -133,7 +139,7 @@ TEST(Cia402Driver, AnEmergencyWithoutAFaultIsARemark) {
   bench.enable();
   bench.hear(frame(0x80 + kNode, {0x10, 0x81, 0x11, 0, 0, 0, 0, 0}));
   EXPECT_EQ(bench.driver.remark(), 0x8110U);
-  EXPECT_EQ(error_name({.protocol = config::DriveProtocol::cia402}, bench.driver.remark()), "CAN overrun");
+  EXPECT_EQ(error_name(servo(), bench.driver.remark()), "CAN overrun");
   EXPECT_EQ(bench.state(), DriveState::enabled);
   EXPECT_EQ(bench.error(), 0U);
   bench.hear(frame(0x80 + kNode, {0, 0, 0, 0, 0, 0, 0, 0}));
