@@ -2,9 +2,13 @@
 #include "config/deploy_file.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <initializer_list>
+#include <ranges>
 
 #include "config/document.hpp"
 #include "config/exported_name.hpp"
@@ -16,9 +20,14 @@ namespace {
 
 constexpr std::uint32_t kMostHistory = 64;  // as policy.observation[].history
 
+constexpr auto kActions =
+    std::to_array<std::pair<std::string_view, std::string_view>>({{"JointPositionAction", "joint_position"},
+                                                                  {"JointVelocityAction", "joint_velocity"},
+                                                                  {"JointEffortAction", "joint_torque"}});
+
 class DeployReader {
  public:
-  explicit DeployReader(Problems& problems) : problems_(problems) {}
+  DeployReader(Problems& problems, const std::vector<std::string>& inputs) : problems_(problems), inputs_(inputs) {}
 
   DeployFile read(const Node& root) {
     DeployFile file;
@@ -32,6 +41,10 @@ class DeployReader {
     read_action(root, file, joints);
     read_commands(root, file);
     read_terms(root, file);
+    note_others(root,
+                {"joint_ids_map", "step_dt", "stiffness", "damping", "default_joint_pos", "commands", "actions",
+                 "observations"},
+                "", file);
     return file;
   }
 
@@ -159,22 +172,46 @@ class DeployReader {
     return numbers(map, key, count);
   }
 
+  static std::string kind_of_action(std::string_view name) {
+    const auto* const found = std::ranges::find(kActions, name, &std::pair<std::string_view, std::string_view>::first);
+    return found == kActions.end() ? "" : std::string(found->second);
+  }
+
   void read_action(const Node& root, DeployFile& file, std::size_t joints) {
     const Node* actions = need(root, "actions", Node::Kind::map);
     if (!actions) return;
     for (const auto& [key, value] : actions->entries) {
       refuse_unfit(key, "action");
-      if (key.text != "JointPositionAction")
-        problems_.add(key.place,
-                      fmt::format("action `{}` is not supported; Takt imports JointPositionAction", key.text));
+      if (kind_of_action(key.text).empty())
+        problems_.add(key.place, fmt::format("action `{}` is none of {}; Takt has no outputs of that meaning", key.text,
+                                             fmt::join(kActions | std::views::keys, ", ")));
     }
-    const Node* action = need(*actions, "JointPositionAction", Node::Kind::map);
-    if (!action) return;
+    if (actions->entries.empty()) need(*actions, "JointPositionAction", Node::Kind::map);
+    if (actions->entries.empty()) return;
+    if (actions->entries.size() > 1) {
+      problems_.add(
+          actions->place,
+          fmt::format("`actions` has {} sections; all outputs of a policy have one meaning in a robot file, so "
+                      "that legs by position and wheels by velocity cannot be told apart; train with one kind",
+                      actions->entries.size()));
+      return;
+    }
+    const auto& [name, section] = actions->entries.front();
+    file.action_kind = kind_of_action(name.text);
+    const Node* action = need(*actions, name.text, Node::Kind::map);
+    if (!action || file.action_kind.empty()) return;
     file.action_joints = chosen_joints(action->find("joint_ids"), file);
     const std::size_t outputs = file.action_joints.empty() ? joints : file.action_joints.size();
     file.action_scale = numbers_or(*action, "scale", outputs, {1});
     file.action_offset = numbers_or(*action, "offset", outputs, std::vector<double>(outputs, 0));
-    note_clip(*action, "JointPositionAction", file);
+    if (file.action_kind != "joint_position" &&
+        std::ranges::any_of(file.action_offset, [](double one) { return one != 0; }))
+      problems_.add(action->place,
+                    fmt::format("{} has an offset, and velocities and torques start from zero in a robot "
+                                "file; train without",
+                                name.text));
+    note_clip(*action, name.text, file);
+    note_others(*action, {"scale", "offset", "clip", "joint_ids", "joint_names"}, name.text + ".", file);
   }
 
   void read_commands(const Node& root, DeployFile& file) {
@@ -196,17 +233,49 @@ class DeployReader {
   void read_terms(const Node& root, DeployFile& file) {
     const Node* observations = need(root, "observations", Node::Kind::map);
     if (!observations) return;
-    if (const Node* group = only_group(*observations)) observations = group;
-    for (const auto& [key, value] : observations->entries) {
+    if (const Node* group = only_group(*observations)) return read_group(*group, file);
+    const auto is_groups = [](const Entry& entry) { return is_group(entry.value); };
+    if (std::ranges::none_of(observations->entries, is_groups)) return read_group(*observations, file);
+    read_groups(*observations, file);
+  }
+
+  void read_group(const Node& group, DeployFile& file) {
+    for (const auto& [key, value] : group.entries) {
       if (key.text == "use_gym_history" && value.kind == Node::Kind::scalar)
         file.history_by_time = value.text == "true";
-      else if (is_group(value))
-        problems_.add(key.place, fmt::format("observations has several groups, `{}` among them, and Takt feeds one "
-                                             "input; export the actor's group alone",
-                                             key.text));
       else
         read_term(key, value, file);
     }
+  }
+
+  // Each that is called as an input of the network fills it; others are of the training.
+  void read_groups(const Node& groups, DeployFile& file) {
+    std::vector<std::string_view> names;
+    for (const Entry& entry : groups.entries) {
+      names.emplace_back(entry.key.text);
+      if (!is_group(entry.value))
+        return problems_.add(entry.key.place,
+                             fmt::format("`{}` stands beside groups and is none; export it again", entry.key.text));
+    }
+    bool by_time = false;
+    for (const std::string& input : inputs_) {
+      const Node* const group = groups.find(input);
+      if (group == nullptr) continue;
+      file.inputs.push_back(input);
+      read_group(*group, file);
+      by_time = by_time || file.history_by_time;
+    }
+    if (file.inputs.empty())
+      return problems_.add(groups.place, fmt::format("observations has several groups ({}), and none is called as an "
+                                                     "input of the network is ({}); export the actor's group alone",
+                                                     fmt::join(names, ", "), fmt::join(inputs_, ", ")));
+    if (by_time && file.inputs.size() > 1)
+      problems_.add(groups.place,
+                    "use_gym_history of several groups: Takt lays histories out by time over all inputs together; "
+                    "export with use_gym_history: false");
+    for (const Entry& entry : groups.entries)
+      if (std::ranges::find(file.inputs, entry.key.text) == file.inputs.end())
+        file.notes.push_back(fmt::format("observations.{}: the network has no input of that name", entry.key.text));
   }
 
   // Named sections of terms, one for each input of the network.
@@ -238,13 +307,15 @@ class DeployReader {
       term.history = history_of(*history);
     read_params(value.find("params"), term, file);
     read_clip(key, value, term, file);
+    note_others(value, {"scale", "params", "clip", "history_length", "scale_first"}, key.text + ".", file);
     file.terms.push_back(std::move(term));
   }
 
-  void read_params(const Node* params, DeployTerm& term, const DeployFile& file) {
+  void read_params(const Node* params, DeployTerm& term, DeployFile& file) {
     if (params == nullptr || params->kind != Node::Kind::map) return;
     if (const Node* asset = params->find("asset_cfg"); asset && asset->kind == Node::Kind::map)
       term.joints = chosen_joints(asset->find("joint_ids"), file);
+    note_others(*params, {"asset_cfg", "period", "command_name"}, term.name + ".params.", file);
     const Node* period = params->find("period");
     if (term.name != "gait_phase" || period == nullptr) return;
     const double seconds = value_of(*period).value_or(1);
@@ -268,18 +339,28 @@ class DeployReader {
       for (double& bound : term.clip) bound /= term.scale.front();
   }
 
+  // Keys that say something here or are known to say nothing of the robot; others are named as lost.
+  static void note_others(const Node& map, std::initializer_list<std::string_view> known, const std::string& of,
+                          DeployFile& file) {
+    for (const Entry& entry : map.entries)
+      if (std::ranges::find(known, entry.key.text) == known.end() && entry.value.kind != Node::Kind::null)
+        file.notes.push_back(fmt::format("{}{}: Takt does not know this key", of, entry.key.text));
+  }
+
   Problems& problems_;
+  const std::vector<std::string>& inputs_;  // the network's
 };
 
 }  // namespace
 
-std::expected<DeployFile, std::string> read_deploy_file(std::string_view text, const std::string& name_for_messages) {
+std::expected<DeployFile, std::string> read_deploy_file(std::string_view text, const std::string& name_for_messages,
+                                                        const std::vector<std::string>& inputs) {
   Problems problems(name_for_messages);
   const Node root = read_document(text, Tags::read_as_data, problems);
   if (problems.empty() && root.kind != Node::Kind::map)
     problems.add(root.place, "is no deploy.yaml: a section with joint_ids_map, actions and observations is expected");
   if (!problems.empty()) return std::unexpected(problems.text());
-  DeployFile file = DeployReader(problems).read(root);
+  DeployFile file = DeployReader(problems, inputs).read(root);
   if (!problems.empty()) return std::unexpected(problems.text());
   return file;
 }

@@ -54,6 +54,8 @@ struct DeployFile {
   std::vector<double> default_position;             // policy's order
   std::vector<double> action_scale, action_offset;  // likewise, or one for all; empty: not said
   std::vector<std::size_t> action_joints;           // of each output, robot's order; empty: as the policy's
+  std::string action_kind = "joint_position";       // as policy.action.kind
+  std::vector<std::string> inputs;                  // that the terms fill, one after the other; empty: the only one
   bool history_by_time = false;                     // all terms of an instant together, else each term's history
   std::vector<DeployTerm> terms;
   std::vector<std::pair<std::string, std::pair<double, double>>> command_ranges;  // "lin_vel_x", [min, max]
@@ -62,6 +64,9 @@ struct DeployFile {
   std::optional<DeployTensors> tensors;
 };
 
-std::expected<DeployFile, std::string> read_deploy_file(std::string_view text, const std::string& name_for_messages);
+// `inputs`: the network's, by name, where its file is at hand: of several groups of observations those that are called
+// so fill them, in the network's order.
+std::expected<DeployFile, std::string> read_deploy_file(std::string_view text, const std::string& name_for_messages,
+                                                        const std::vector<std::string>& inputs = {});
 
 }  // namespace takt::config

@@ -23,10 +23,12 @@ constexpr std::int64_t kTargetLastsPeriods = 3;
 constexpr double kHalfTurn = 3.14159;
 
 std::string joint_name(const ImportOptions& options, std::size_t index) {
-  return options.joint_names.empty() ? fmt::format("joint_{:02}", index) : options.joint_names[index];
+  if (options.joint_names.empty()) return fmt::format("joint_{:02}", index);
+  return joint_names_of({options.joint_names[index]}).front();
 }
 
 constexpr const char* kUnfilled = "FILL_IN";
+constexpr double kMadeUpTorque = 200;  // Nm
 
 std::string one_or_list(const std::vector<double>& values) {
   if (values.empty()) return kUnfilled;
@@ -90,9 +92,9 @@ SimulatedBuses buses_for(std::size_t joints) {
 }
 
 // One drive for all: its packed fields span what the strongest joint needs.
-std::string simulated_drive_text(const DeployFile& deploy, const ModelFacts& model) {
+std::string simulated_drive_text(const DeployFile& deploy, const ModelFacts& model, double without) {
   double torque = 0;
-  for (const ModelJoint& joint : model.joints) torque = std::max(torque, joint.torque.value_or(0));
+  for (const ModelJoint& joint : model.joints) torque = std::max(torque, joint.torque.value_or(without));
   return fmt::format(
       "    drive: {{ protocol: mit, variant: damiao, position_range: 12.5 rad, velocity_range: 60 rad/s, torque_range: "
       "{} "
@@ -146,7 +148,7 @@ std::string simulation_text(const ImportOptions& options) {
       fmt::format("\nsimulation:\n  step: 1 ms\n  mujoco:\n    model: {}\n", in_quotes(options.model_file));
   if (!options.model->keyframe.empty())
     text += fmt::format("    begin: {{ keyframe: {} }}\n", plain_or_quoted(options.model->keyframe));
-  if (!options.model->imu_site.empty())
+  if (!options.model->imu_site.empty() && !options.policy_file.empty())
     text += fmt::format("    imu: {{ site: {} }}\n", plain_or_quoted(options.model->imu_site));
   return text;
 }
@@ -163,7 +165,8 @@ constexpr const char* kBeforeARealRobot =
 
 std::string header_text(const DeployFile& deploy, const ImportOptions& options,
                         const std::vector<std::string>& remarks) {
-  std::string text = fmt::format("# Imported from {}.\n", on_one_line(options.source));
+  std::string text = fmt::format("# {} {}.\n", options.policy_file.empty() ? "Made from" : "Imported from",
+                                 on_one_line(options.source));
   if (!options.simulated)
     text +=
         "# An export says nothing about drives and the contract: replace every FILL_IN by what is true of your\n"
@@ -192,7 +195,7 @@ std::string defaults_text(const DeployFile& deploy, const ImportOptions& options
   if (options.simulated)
     return "joint_defaults:\n"
            "  - joints: [\"*\"]\n" +
-           simulated_drive_text(deploy, *options.model) +
+           simulated_drive_text(deploy, *options.model, options.policy_file.empty() ? kMadeUpTorque : 0) +
            "    limits: { position_margin: 0.3 rad, target_margin: 2 rad, velocity: 40 rad/s, velocity_hard: 55 rad/s, "
            "acceleration: 20000 rad/s2, torque_rate: 200000 Nm/s }\n\n";
   return "joint_defaults:   # what differs between joints goes to the joint\n"
@@ -223,6 +226,12 @@ const ModelJoint* find_in_model(const ImportOptions& options, const std::string&
   return found == options.model->joints.end() ? nullptr : &*found;
 }
 
+// A simulated robot without a policy needs none that is known.
+std::string torque_text(const ModelJoint& joint, const ImportOptions& options) {
+  const bool is_made_up = options.simulated && options.policy_file.empty() && !joint.torque;
+  return or_unfilled(is_made_up ? std::optional(kMadeUpTorque) : joint.torque, "Nm");
+}
+
 std::string joints_text(const DeployFile& deploy, const ImportOptions& options) {
   const std::size_t joints = deploy.robot_joint.size();
   std::vector<double> home(deploy.default_position.size());
@@ -230,7 +239,8 @@ std::string joints_text(const DeployFile& deploy, const ImportOptions& options) 
   std::string text = "joints:   # in the robot's order; kp and kd limits are the deployed gains\n";
   for (std::size_t j = 0; j < joints; ++j) {
     const std::string name = joint_name(options, j);
-    const ModelJoint* const in_model = find_in_model(options, name);
+    const std::string there = options.joint_names.empty() ? name : options.joint_names[j];
+    const ModelJoint* const in_model = find_in_model(options, there);
     const ModelJoint known = in_model == nullptr ? ModelJoint{} : *in_model;
     const Wiring wiring = wiring_of(j, joints, options.simulated);
     const auto end = [&](bool high) -> std::optional<double> {
@@ -249,7 +259,7 @@ std::string joints_text(const DeployFile& deploy, const ImportOptions& options) 
         "    inertia: {10}\n"
         "    home: {11}\n",
         name, wiring.bus, wiring.id, wiring.reply_id, or_unfilled(end(false), "rad"), or_unfilled(end(true), "rad"),
-        speed, or_unfilled(known.torque, "Nm"), listed_or_unfilled(deploy.stiffness, j, "Nm/rad"),
+        speed, torque_text(known, options), listed_or_unfilled(deploy.stiffness, j, "Nm/rad"),
         listed_or_unfilled(deploy.damping, j, "Nms/rad"),
         or_unfilled(in_model == nullptr ? std::nullopt : std::optional(known.inertia), "kgm2"),
         listed_or_unfilled(home, j, "rad"));
@@ -358,11 +368,13 @@ std::string action_text(const DeployFile& deploy, const ImportOptions& options) 
   const bool offset_is_home = deploy.action_joints.empty() && deploy.action_offset == deploy.default_position;
   std::vector<std::string> offsets;
   for (const double offset : deploy.action_offset) offsets.push_back(fmt::format("{} rad", offset));
-  const std::string offset = offsets.empty() ? kUnfilled : fmt::format("[{}]", fmt::join(offsets, ", "));
+  const std::string offset = deploy.action_kind != "joint_position" ? "zero"
+                             : offsets.empty()                      ? kUnfilled
+                                                                    : fmt::format("[{}]", fmt::join(offsets, ", "));
   return fmt::format(
-      "  action: {{ kind: joint_position, interpolation: hold, scale: {}, offset: {}{} }}   # as trained: no velocity "
-      "target\n",
-      one_or_list(deploy.action_scale), offset_is_home ? "home" : offset,
+      "  action: {{ kind: {}, interpolation: hold, scale: {}, offset: {}{} }}   # as trained: no velocity target\n",
+      deploy.action_kind, one_or_list(deploy.action_scale),
+      offset_is_home && deploy.action_kind == "joint_position" ? "home" : offset,
       deploy.action_joints.empty() ? "" : ", joints: " + names_of(deploy.action_joints, options));
 }
 
@@ -378,10 +390,10 @@ std::string steps_text(const DeployFile& deploy) {
 std::string policy_text(const DeployFile& deploy, const ImportOptions& options) {
   std::vector<std::string> order;
   for (const std::size_t joint : deploy.robot_joint) order.push_back(joint_name(options, joint));
-  const std::string names = deploy.tensors
-                                ? fmt::format("  input: {}\n  output: {}\n", in_quotes(deploy.tensors->input),
-                                              in_quotes(deploy.tensors->output))
-                                : "";
+  const std::string input = deploy.tensors ? deploy.tensors->input : options.input;
+  const std::string output = deploy.tensors ? deploy.tensors->output : options.output;
+  const std::string names = (input.empty() ? "" : fmt::format("  input: {}\n", in_quotes(input))) +
+                            (output.empty() ? "" : fmt::format("  output: {}\n", in_quotes(output)));
   return fmt::format(
       "\npolicy:\n"
       "  file: {}\n"
@@ -441,9 +453,11 @@ std::expected<std::string, std::string> import_deploy_file(const DeployFile& dep
         fmt::format("{} joint names for {} joints; name every joint, in the robot's order", names.size(), joints));
   if (std::set<std::string>(names.begin(), names.end()).size() != names.size())
     return std::unexpected("a joint name is given twice; name each joint once");
+  const std::vector<std::string> here = joint_names_of(names);
+  if (std::set<std::string>(here.begin(), here.end()).size() != here.size())
+    return std::unexpected("two joints have one name once it is written with letters, digits, _ and -; rename one");
   for (const std::string& name : names) {
-    if (!is_identifier(name))
-      return std::unexpected(fmt::format("`{}` is no joint name; use letters, digits, _ and -", name));
+    if (name.empty()) return std::unexpected("a joint has no name; name it in the model");
     if (options.model && find_in_model(options, name) == nullptr)
       return std::unexpected(fmt::format("the model has no joint `{}`; name its joints as the model does", name));
   }
@@ -458,7 +472,7 @@ std::expected<std::string, std::string> import_deploy_file(const DeployFile& dep
     return std::unexpected(
         "a simulated robot needs the policy's period, which this export does not say; name it by --period");
   return header_text(deploy, options, remarks) + defaults_text(deploy, options) + joints_text(deploy, options) +
-         sensors_text(deploy, options.simulated) + policy_text(deploy, options) +
+         (options.policy_file.empty() ? "" : sensors_text(deploy, options.simulated) + policy_text(deploy, options)) +
          (options.simulated ? simulation_text(options) + kBeforeARealRobot : "");
 }
 

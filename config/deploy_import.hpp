@@ -17,9 +17,10 @@ namespace takt::config {
 
 struct ImportOptions {
   std::string robot;                     // name of the robot
-  std::string policy_file;               // as it shall stand in the file
-  std::vector<std::string> joint_names;  // the robot's order; empty: joint_00, joint_01, ...
+  std::string policy_file;               // as it shall stand in the file; empty: there is no policy
+  std::vector<std::string> joint_names;  // of the model or the export, robot's order; empty: joint_00, joint_01, ...
   std::string source;                    // for the first comment
+  std::string input{}, output{};         // as policy.input and policy.output; empty: the defaults
   std::optional<ModelFacts> model{};     // names (unless given), position limits, torques, inertias
   std::string model_file{};              // as it shall stand in the file
   bool simulated = false;                // needs `model`

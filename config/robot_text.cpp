@@ -25,6 +25,22 @@ std::string in_quotes(std::string_view text) {
   return '"' + on_one_line(escaped) + '"';
 }
 
+std::string as_identifier(std::string_view text, std::string_view prefix) {
+  constexpr std::size_t kLongest = 63;
+  std::string name(text);
+  if (is_identifier(name)) return name;
+  for (char& c : name)
+    if (!is_identifier(std::string("a") + c)) c = '_';
+  if (!is_identifier(name.substr(0, 1))) name.insert(0, prefix);
+  return name.substr(0, kLongest);
+}
+
+std::vector<std::string> joint_names_of(const std::vector<std::string>& elsewhere) {
+  std::vector<std::string> names;
+  for (const std::string& name : elsewhere) names.push_back(as_identifier(name, "joint_"));
+  return names;
+}
+
 std::string plain_or_quoted(std::string_view text) {
   return is_identifier(text) ? std::string(text) : in_quotes(text);
 }

@@ -15,6 +15,7 @@
 #include <set>
 
 #include "config/load.hpp"
+#include "config/model_import.hpp"
 #include "config/observation_shape.hpp"
 #include "tests/shared_files.hpp"
 
@@ -198,6 +199,69 @@ TEST(DeployImport, OneGroupIsTakenAndSeveralAreRefusedByWhatTheyMean) {
   EXPECT_NE(several.error().find("observations has several groups"), std::string::npos) << several.error();
 }
 
+// Goal: groups fill the network's inputs in its order, and one that is of the training is named. Method: the terms
+// divided into two groups and a critic's.
+TEST(DeployImport, GroupsFillTheInputsThatAreCalledLikeThem) {
+  std::string text(kDeploy);
+  for (const char* term : {"base_ang_vel", "velocity_commands", "joint_pos_rel", "last_action"})
+    text.insert(text.find(std::string("  ") + term), "  ");
+  text.insert(text.find("    base_ang_vel"), "  state:\n");
+  text.insert(text.find("    joint_pos_rel"), "  joints:\n");
+  text += "  critic:\n    base_lin_vel: { params: {}, scale: [1] }\n";
+  const auto deploy = read_deploy_file(text, "d", {"joints", "h_in", "state"});
+  ASSERT_TRUE(deploy) << deploy.error();
+  EXPECT_EQ(deploy->inputs, (std::vector<std::string>{"joints", "state"}));
+  ASSERT_EQ(deploy->terms.size(), 4U);
+  EXPECT_EQ(deploy->terms[0].name, "joint_pos_rel");
+  EXPECT_EQ(deploy->terms[2].name, "base_ang_vel");
+  ASSERT_EQ(deploy->notes.size(), 1U);
+  EXPECT_NE(deploy->notes[0].find("observations.critic"), std::string::npos);
+  text.insert(text.find("    base_ang_vel"), "    use_gym_history: true\n");
+  EXPECT_NE(read_deploy_file(text, "d", {"joints", "state"}).error().find("use_gym_history of several groups"),
+            std::string::npos);
+}
+
+TEST(DeployImport, AKeyThatIsNotKnownIsNamed) {
+  std::string text = with("step_dt: 0.02", "step_dt: 0.02\nsomething: 3");
+  text.replace(text.find("clip: null, scale: [0.2"), 23, "noise: 0.1, scale: [0.2");
+  const auto deploy = read_deploy_file(text, "d");
+  ASSERT_TRUE(deploy) << deploy.error();
+  ASSERT_EQ(deploy->notes.size(), 2U);
+  EXPECT_EQ(deploy->notes[0], "base_ang_vel.noise: Takt does not know this key");
+  EXPECT_EQ(deploy->notes[1], "something: Takt does not know this key");
+}
+
+TEST(DeployImport, VelocitiesAreCarriedOverAsSuch) {
+  const std::string text = with("JointPositionAction:\n    clip: null\n    scale: [0.25, 0.5]\n    offset: [-0.5, 0.3]",
+                                "JointVelocityAction:\n    clip: null\n    scale: [0.25, 0.5]\n    offset: null");
+  EXPECT_NE(import(text).find("kind: joint_velocity, interpolation: hold, scale: [0.25, 0.5], offset: zero"),
+            std::string::npos)
+      << import(text);
+}
+
+// Goal: joints of any name are carried over. Method: names with each of the letters that a robot file cannot have, and
+// two that would become one.
+TEST(DeployImport, JointsOfAnyNameAreCarriedOver) {
+  const auto robot = parse(filled_in(import(kDeploy, {"robot0:WRJ1", "left/waist.yaw 2"})), "r");
+  ASSERT_TRUE(robot) << robot.error();
+  EXPECT_EQ(robot->joints[0].name, "robot0_WRJ1");
+  EXPECT_EQ(robot->joints[1].name, "left_waist_yaw_2");
+  const auto both =
+      import_deploy_file(read_deploy_file(kDeploy, "d").value(),
+                         {.robot = "w", .policy_file = "p", .joint_names = {"a/b", "a.b"}, .source = "d"});
+  ASSERT_FALSE(both);
+  EXPECT_NE(both.error().find("two joints have one name"), std::string::npos);
+}
+
+TEST(DeployImport, TensorsAreNamedWhereTheNetworkCallsThemOtherwise) {
+  const auto deploy = read_deploy_file(kDeploy, "d");
+  const auto text = import_deploy_file(
+      *deploy,
+      {.robot = "w", .policy_file = "p", .joint_names = {}, .source = "d", .input = "state", .output = "out.0"});
+  ASSERT_TRUE(text) << text.error();
+  EXPECT_NE(text->find("  input: \"state\"\n  output: \"out.0\"\n"), std::string::npos) << *text;
+}
+
 TEST(DeployImport, AGaitsPeriodIsCarriedOver) {
   const std::string text =
       with("  last_action:",
@@ -231,7 +295,12 @@ TEST(DeployFile, RefusesWhatDoesNotFitTogether) {
                   "d:1:16: joint_ids_map must name a slot of 0..63 for each joint, none twice"},
         BadDeploy{"a count that differs", "[100.0, 40.0]", "[100.0]",
                   "d:3:12: `stiffness` has 1 values, joint_ids_map 2"},
-        BadDeploy{"another action", "JointPositionAction:", "JointEffortAction:", "d:10:3: action `JointEffortAction`"},
+        BadDeploy{"another action", "JointPositionAction:", "BinaryJointAction:", "d:10:3: action `BinaryJointAction`"},
+        BadDeploy{"a velocity that does not start from zero",
+                  "JointPositionAction:", "JointVelocityAction:", "JointVelocityAction has an offset"},
+        BadDeploy{"legs by position and wheels by velocity", "  JointPositionAction:",
+                  "  JointVelocityAction: { scale: null, offset: null, joint_ids: [0] }\n  JointPositionAction:",
+                  "legs by position and wheels by velocity cannot be told apart"},
         BadDeploy{"no period", "step_dt: 0.02\n", "", "`step_dt` is missing"},
         BadDeploy{
             "a term that writes another", "base_ang_vel:", "\"foo\\n    - { term: constant, values: [1] } #\":",
@@ -340,6 +409,37 @@ TEST(DeployImport, AModelFillsTheRestOfASimulatedRobot) {
   ASSERT_TRUE(robot->simulation && robot->simulation->mujoco);
   EXPECT_EQ(robot->simulation->mujoco->imu_site, "torso");
   EXPECT_EQ(robot->simulation->mujoco->keyframe, "stand");
+}
+
+// Goal: a model alone makes a robot that is simulated at once, and one of a real robot leaves open what no model knows.
+// Method: two hinges, one without a torque; the text is read.
+TEST(ModelImport, AModelAloneMakesARobotFile) {
+  ModelFacts model = two_hinges();
+  model.joints[0].home = 0.25;
+  model.joints[1].torque.reset();
+  model.joints[1].name = "arm/knee";
+  ImportOptions options{.robot = "walker",
+                        .policy_file = {},
+                        .joint_names = {},
+                        .source = "walker.xml",
+                        .model = model,
+                        .model_file = "walker.xml",
+                        .simulated = true};
+  const auto text = robot_of_model(options);
+  ASSERT_TRUE(text) << text.error();
+  EXPECT_EQ(text->find("FILL_IN"), std::string::npos) << *text;
+  const auto robot = parse(*text, "r");
+  ASSERT_TRUE(robot) << robot.error();
+  EXPECT_FALSE(robot->policy);
+  EXPECT_EQ(robot->joints[0].home, 0.25);
+  EXPECT_EQ(robot->joints[0].limits.torque, 88);
+  EXPECT_EQ(robot->joints[1].name, "arm_knee");
+  EXPECT_GT(robot->joints[1].kp, 0);
+  options.simulated = false;
+  const std::string open = parse(robot_of_model(options).value(), "r").error();
+  for (const char* key : {"joints[1].drive.id", "joints[0].drive.protocol", "freshness.max_age", "buses[0].interface"})
+    EXPECT_NE(open.find(std::string(key) + ": is still FILL_IN"), std::string::npos) << open;
+  for (const char* key : {"position:", "inertia"}) EXPECT_EQ(open.find(key), std::string::npos) << open;
 }
 
 // Goal: for a real robot the model's facts are carried over, and nothing about its hardware is invented.
