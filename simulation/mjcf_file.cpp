@@ -5,73 +5,21 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <initializer_list>
 #include <optional>
 #include <string_view>
+#include <system_error>
 
 #include "config/xml_tags.hpp"
+#include "simulation/mjcf_frames.hpp"
+#include "simulation/mjcf_newer.hpp"
 
 namespace takt::plant {
 namespace {
 
-std::ptrdiff_t line_of(const std::string& text, std::size_t at) {
-  return 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n');
-}
-
-std::string only_newlines(const std::string& text) {
-  return std::string(static_cast<std::size_t>(std::ranges::count(text, '\n')), '\n');
-}
-
-bool is_space(char letter) {
-  return std::string_view(" \t\n\v\f\r").find(letter) != std::string_view::npos;
-}
-
 template <class Visit>
 void for_each_tag(std::string_view text, const Visit& visit) {
   for (auto tag = config::next_tag(text, 0); tag; tag = config::next_tag(text, tag->end)) visit(*tag);
-}
-
-struct Span {
-  std::size_t begin = 0, end = 0;
-};
-
-// Takes the spans out, in the order in which they stand, newlines kept; `what` names them.
-void take_out(MendedMjcf& file, const std::vector<Span>& spans, const std::string& what) {
-  if (spans.empty()) return;
-  const std::ptrdiff_t first_line = line_of(file.text, spans.front().begin);
-  std::string kept;
-  std::size_t from = 0;
-  for (const Span& span : spans) {
-    kept +=
-        file.text.substr(from, span.begin - from) + only_newlines(file.text.substr(span.begin, span.end - span.begin));
-    from = span.end;
-  }
-  file.text = kept + file.text.substr(from);
-  file.mended.push_back(
-      fmt::format("{} left out, {} times, first in line {}: MuJoCo 2.2.2 does not know it, and the drives' own "
-                  "torque limits hold",
-                  what, spans.size(), first_line));
-}
-
-// Each with the spaces before it.
-std::vector<Span> attributes_that_bound_forces(const std::string& text) {
-  std::vector<Span> spans;
-  for_each_tag(text, [&](const config::XmlTag& tag) {
-    for (const config::XmlAttribute& attribute : tag.attributes) {
-      if (attribute.name != "actuatorfrcrange" && attribute.name != "actuatorfrclimited") continue;
-      Span span{attribute.begin, attribute.end};
-      while (span.begin > tag.begin && is_space(text[span.begin - 1])) --span.begin;
-      spans.push_back(span);
-    }
-  });
-  return spans;
-}
-
-std::vector<Span> sensors_of_joint_forces(const std::string& text) {
-  std::vector<Span> spans;
-  for_each_tag(text, [&](const config::XmlTag& tag) {
-    if (tag.name == "jointactuatorfrc" && tag.is_empty) spans.push_back({tag.begin, tag.end});
-  });
-  return spans;
 }
 
 bool has_attribute(const std::string& text, std::string_view attribute) {
@@ -110,22 +58,60 @@ void make_absolute(std::string& text, std::string_view attribute, const std::str
   text = made + text.substr(from);
 }
 
+// Newer files name one folder for both.
+void divide_assetdir(std::string& text) {
+  const bool has_meshes = has_attribute(text, "meshdir"), has_textures = has_attribute(text, "texturedir");
+  std::string made;
+  std::size_t from = 0;
+  for_each_tag(text, [&](const config::XmlTag& tag) {
+    const config::XmlAttribute* const both = tag.name == "compiler" ? tag.find("assetdir") : nullptr;
+    if (both == nullptr) return;
+    made += text.substr(from, both->begin - from);
+    if (!has_meshes) made += fmt::format("meshdir=\"{}\" ", both->value);
+    if (!has_textures) made += fmt::format("texturedir=\"{}\" ", both->value);
+    from = both->end;
+  });
+  text = made + text.substr(from);
+}
+
 constexpr std::string_view kPackage = "package://";
 
+bool is_there(const std::filesystem::path& file) {
+  std::error_code none;
+  return std::filesystem::exists(file, none);
+}
+
+// The first of them that is there, else `otherwise`.
+std::filesystem::path first_of(std::initializer_list<std::filesystem::path> files,
+                               const std::filesystem::path& otherwise) {
+  const auto* const found = std::ranges::find_if(files, is_there);
+  return found == files.end() ? otherwise : *found;
+}
+
 // Where a mesh of a URDF lies. A package is a folder of its name: one that the file is in, or beside one of these.
-std::filesystem::path mesh_file(std::string_view named, const std::filesystem::path& folder) {
-  if (!named.starts_with(kPackage)) return (folder / named).lexically_normal();
+std::filesystem::path mesh_file(std::string_view named, const std::filesystem::path& folder,
+                                const std::filesystem::path& elsewhere) {
+  constexpr std::string_view kFile = "file://";
+  if (named.starts_with(kFile)) named.remove_prefix(kFile.size());
+  const std::filesystem::path plain(named);
+  if (!named.starts_with(kPackage)) {
+    const std::filesystem::path here = (folder / plain).lexically_normal();
+    if (elsewhere.empty()) return here;
+    return first_of({here, elsewhere / plain.relative_path(), elsewhere / plain.filename()}, here);
+  }
   const std::filesystem::path within(named.substr(kPackage.size()));
+  if (within.empty()) return folder;
   const std::filesystem::path package = *within.begin(), rest = within.lexically_relative(package);
   for (std::filesystem::path around = folder; around.has_relative_path(); around = around.parent_path()) {
     if (around.filename() == package) return around / rest;
-    if (std::error_code none; std::filesystem::exists(around / package / rest, none)) return around / package / rest;
+    if (is_there(around / package / rest)) return around / package / rest;
   }
-  return folder / rest;
+  if (elsewhere.empty()) return folder / rest;
+  return first_of({elsewhere / within, elsewhere / rest, elsewhere / within.filename()}, folder / rest);
 }
 
 // Meshes by whole paths: MuJoCo looks for the name alone, in the folder of the file that it is given.
-void complete_urdf(std::string& text, const std::string& folder) {
+void complete_urdf(std::string& text, const std::string& folder, const std::string& mesh_path) {
   std::string made;
   std::size_t from = 0;
   bool has_mujoco = false;
@@ -144,7 +130,7 @@ void complete_urdf(std::string& text, const std::string& folder) {
     if (named == nullptr) return;
     const auto begin = static_cast<std::size_t>(named->value.data() - text.data());
     made += text.substr(from, begin - from);
-    made += mesh_file(named->value, folder).string();
+    made += mesh_file(named->value, folder, mesh_path).string();
     from = begin + named->value.size();
   });
   text = made + text.substr(from);
@@ -152,11 +138,18 @@ void complete_urdf(std::string& text, const std::string& folder) {
 
 }  // namespace
 
-MendedMjcf mend_mjcf(std::string text, const std::string& folder) {
+MendedMjcf mend_mjcf(std::string text, const std::string& folder, const std::string& mesh_path) {
   MendedMjcf file{std::move(text), {}};
-  take_out(file, attributes_that_bound_forces(file.text), "a joint's actuatorfrcrange");
-  take_out(file, sensors_of_joint_forces(file.text), "a sensor jointactuatorfrc");
-  complete_urdf(file.text, folder);
+  file.mended = leave_out_newer(file.text);
+  if (UnfoldedFrames unfolded = unfold_frames(file.text); unfolded.count > 0) {
+    file.text = std::move(unfolded.text);
+    file.mended.push_back(
+        fmt::format("{} <frame> of newer versions taken out, the first in line {}: what stands in one "
+                    "has its place, orientation and class now",
+                    unfolded.count, unfolded.first_line));
+  }
+  divide_assetdir(file.text);
+  complete_urdf(file.text, folder, mesh_path);
   if (!has_attribute(file.text, "autolimits")) {
     set_attribute(file.text, "compiler", "autolimits", "true");
     file.mended.emplace_back("autolimits=\"true\" set, as newer versions of MuJoCo have it by themselves");

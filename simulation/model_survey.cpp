@@ -5,7 +5,11 @@
 
 namespace takt::plant {
 
-std::expected<config::ModelFacts, std::string> survey_model(const std::string& path) {
+std::expected<config::ModelFacts, std::string> survey_model(const std::string& path, const std::string&) {
+  return std::unexpected(path + ": this build has no MuJoCo to read it; install libmujoco-dev and build again");
+}
+
+std::expected<std::string, std::string> model_with_whole_paths(const std::string& path, const std::string&) {
   return std::unexpected(path + ": this build has no MuJoCo to read it; install libmujoco-dev and build again");
 }
 
@@ -14,6 +18,7 @@ std::expected<config::ModelFacts, std::string> survey_model(const std::string& p
 #else
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -64,12 +69,13 @@ std::optional<double> actuator_torque(const mjModel& model, int joint) {
   return std::nullopt;
 }
 
-std::vector<std::string> motors_of(const mjModel& model) {
+std::vector<std::string> motors_of(const mjModel& model, int root) {
   std::vector<std::string> motors;
   for (int i = 0; i < model.nu; ++i) {
     const int joint = model.actuator_trnid[std::ptrdiff_t{2} * i];
     const int kind = model.actuator_trntype[i];
     if ((kind != mjTRN_JOINT && kind != mjTRN_JOINTINPARENT) || model.jnt_type[joint] != mjJNT_HINGE) continue;
+    if (model.body_rootid[model.jnt_bodyid[joint]] != root || is_led(model, joint)) continue;
     const std::string name = name_of(model, mjOBJ_JOINT, joint);
     if (std::ranges::find(motors, name) == motors.end()) motors.push_back(name);
   }
@@ -84,15 +90,21 @@ double effective_inertia(const mjModel& model, mjData& data, int joint) {
   return 1 / answer[static_cast<std::size_t>(dof)];
 }
 
-std::optional<double> positive(const config::XmlTag& tag, std::string_view attribute) {
+std::optional<double> number_of(const config::XmlTag& tag, std::string_view attribute) {
   const config::XmlAttribute* const written = tag.find(attribute);
   if (written == nullptr) return std::nullopt;
   const auto number = config::parse_number(written->value);
-  return number && *number > 0 ? std::optional(*number) : std::nullopt;
+  return number ? std::optional(*number) : std::nullopt;
+}
+
+std::optional<double> positive(const config::XmlTag& tag, std::string_view attribute) {
+  const auto number = number_of(tag, attribute);
+  return number && *number > 0 ? number : std::nullopt;
 }
 
 // URDF's <limit effort velocity>, which MuJoCo 2.2.2 passes over. An empty <joint name="..."/> is a transmission's.
-void read_urdf_limits(const std::string& text, std::vector<ModelJoint>& joints) {
+// Error: one sentence on a range that is none.
+std::expected<void, std::string> read_urdf_limits(const std::string& text, std::vector<ModelJoint>& joints) {
   auto joint = joints.end();
   for (auto tag = config::next_tag(text, 0); tag; tag = config::next_tag(text, tag->end)) {
     if (tag->name == "joint") {
@@ -101,8 +113,13 @@ void read_urdf_limits(const std::string& text, std::vector<ModelJoint>& joints) 
     } else if (tag->name == "limit" && joint != joints.end()) {
       joint->torque = positive(*tag, "effort");
       joint->velocity = positive(*tag, "velocity");
+      const auto lower = number_of(*tag, "lower"), upper = number_of(*tag, "upper");
+      if (lower && upper && *lower > *upper)
+        return std::unexpected(fmt::format("joint {} has its lower limit {} above its upper one {}; exchange them",
+                                           joint->name, *lower, *upper));
     }
   }
+  return {};
 }
 
 std::string imu_site_of(const mjModel& model) {
@@ -125,34 +142,84 @@ ModelJoint joint_of(const mjModel& model, mjData& data, int id) {
   joint.inertia = effective_inertia(model, data, id);
   const mjtNum* const range = model.jnt_range + std::ptrdiff_t{2} * id;
   if (model.jnt_limited[id] != 0) joint.position = {range[0], range[1]};
+  joint.home = data.qpos[model.jnt_qposadr[id]];
+  if (joint.position) joint.home = std::clamp(joint.home, range[0], std::max(range[0], range[1]));
   if (model.nuser_jnt >= 2) joint.torque = smaller_end(model.jnt_user + std::ptrdiff_t{model.nuser_jnt} * id);
   if (!joint.torque) joint.torque = actuator_torque(model, id);
   return joint;
 }
 
+bool is_moved(const mjModel& model, int joint) {
+  return model.jnt_type[joint] == mjJNT_HINGE || model.jnt_type[joint] == mjJNT_SLIDE;
+}
+
+int root_of(const mjModel& model, int joint) {
+  return model.body_rootid[model.jnt_bodyid[joint]];
+}
+
+// The tree of bodies with the most joints that a drive could move; -1: none.
+int root_of_robot(const mjModel& model) {
+  std::vector<int> joints(static_cast<std::size_t>(model.nbody), 0);
+  for (int id = 0; id < model.njnt; ++id)
+    if (is_moved(model, id)) ++joints[static_cast<std::size_t>(root_of(model, id))];
+  const auto most = std::ranges::max_element(joints);
+  return most == joints.end() || *most == 0 ? -1 : static_cast<int>(most - joints.begin());
+}
+
+void sort_joints(const mjModel& model, mjData& data, int root, config::ModelFacts& facts) {
+  std::vector<std::string> others, led;
+  for (int id = 0; id < model.njnt; ++id) {
+    if (!is_moved(model, id)) continue;
+    const std::string name = name_of(model, mjOBJ_JOINT, id);
+    if (root_of(model, id) != root)
+      others.push_back(name);
+    else if (is_led(model, id))
+      led.push_back(name);
+    else
+      (model.jnt_type[id] == mjJNT_HINGE ? facts.joints : facts.slides).push_back(joint_of(model, data, id));
+  }
+  if (!others.empty())
+    facts.remarks.push_back(
+        fmt::format("joints of other objects than the robot are not the robot's: {}", fmt::join(others, ", ")));
+  if (!led.empty())
+    facts.remarks.push_back(
+        fmt::format("joints that follow another one have no drive of their own: {}", fmt::join(led, ", ")));
+  if (falls_for_ever(model, root))
+    facts.remarks.emplace_back("the base is free and nothing of the world collides: in simulation the robot falls");
+}
+
 }  // namespace
 
-std::expected<config::ModelFacts, std::string> survey_model(const std::string& path) {
+std::expected<config::ModelFacts, std::string> survey_model(const std::string& path, const std::string& mesh_path) {
   auto model_text = config::read_model_text(path);
   if (!model_text) return std::unexpected(model_text.error());
   const std::string text = model_text->text;
   model_text->text = with_forces_as_user_data(text);
-  const auto loaded = load_model(*model_text);
+  const auto loaded = load_model(*model_text, mesh_path);
   if (!loaded) return std::unexpected(loaded.error());
   const mjModel& model = *loaded->model;
   const std::unique_ptr<mjData, DeleteData> data(mj_makeData(&model));
-  const int keyframe = keyframe_of(model);
+  const int keyframe = keyframe_of(model), root = root_of_robot(model);
   if (keyframe >= 0) mj_resetDataKeyframe(&model, data.get(), keyframe);
   mj_forward(&model, data.get());
   config::ModelFacts facts;
-  for (int id = 0; id < model.njnt; ++id)
-    if (model.jnt_type[id] == mjJNT_HINGE) facts.joints.push_back(joint_of(model, *data, id));
-  facts.motors = motors_of(model);
-  if (facts.joints.empty()) return std::unexpected(path + ": has no hinge that a drive could move");
-  if (text.find("<robot") != std::string::npos) read_urdf_limits(text, facts.joints);
+  if (root >= 0) sort_joints(model, *data, root, facts);
+  facts.motors = motors_of(model, root);
+  if (facts.joints.empty() && facts.slides.empty())
+    return std::unexpected(path + ": has no hinge that a drive could move");
+  for (std::vector<ModelJoint>* const joints : {&facts.joints, &facts.slides})
+    if (text.find("<robot") != std::string::npos)
+      if (const auto read = read_urdf_limits(text, *joints); !read)
+        return std::unexpected(fmt::format("{}: {}", path, read.error()));
   if (keyframe >= 0) facts.keyframe = name_of(model, mjOBJ_KEY, keyframe);
   facts.imu_site = imu_site_of(model);
   return facts;
+}
+
+std::expected<std::string, std::string> model_with_whole_paths(const std::string& path, const std::string& mesh_path) {
+  const auto text = config::read_model_text(path);
+  if (!text) return std::unexpected(text.error());
+  return with_whole_paths(*text, mesh_path);
 }
 
 }  // namespace takt::plant

@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "config/robot_text.hpp"
 #include "simulation/mujoco_model.hpp"
 
 namespace takt::plant {
@@ -215,12 +216,38 @@ class Engine final : public MujocoMechanics {
   std::vector<mjtNum> seen_from_;   // work space: all coordinates
 };
 
+// What a person may not expect of the model. One sentence each.
+std::vector<std::string> surprises_of(const mjModel& model, const std::vector<int>& driven) {
+  std::vector<std::string> surprises;
+  if (falls_for_ever(model, root_of(model, driven.front())))
+    surprises.emplace_back(
+        "the base is free and nothing of the world collides: the robot falls; add a floor to the "
+        "model");
+  for (int joint = 0; joint < model.njnt; ++joint)
+    if (model.jnt_type[joint] == mjJNT_SLIDE && root_of(model, joint) == root_of(model, driven.front()) &&
+        !is_led(model, joint))
+      surprises.push_back(fmt::format("slide {} has no drive, and moves freely", name_of(model, mjOBJ_JOINT, joint)));
+  return surprises;
+}
+
+// By its name, or by what an import makes of one that a robot file cannot have; -1: none, or several.
+int joint_called(const mjModel& model, const std::string& name) {
+  if (const int id = mj_name2id(&model, mjOBJ_JOINT, name.c_str()); id >= 0) return id;
+  int found = -1;
+  for (int joint = 0; joint < model.njnt; ++joint) {
+    if (config::joint_names_of({name_of(model, mjOBJ_JOINT, joint)}).front() != name) continue;
+    if (found >= 0) return -1;
+    found = joint;
+  }
+  return found;
+}
+
 // Which of the model's joints the robot's are. Error: one sentence.
 std::expected<std::vector<int>, std::string> find_joints(const mjModel& model, const config::RobotConfig& robot) {
   std::vector<int> found;
   std::vector<std::string> missing, others, forgotten;
   for (const config::Joint& joint : robot.joints) {
-    const int id = mj_name2id(&model, mjOBJ_JOINT, joint.name.c_str());
+    const int id = joint_called(model, joint.name);
     if (id < 0)
       missing.push_back(joint.name);
     else if (model.jnt_type[id] != mjJNT_HINGE)
@@ -236,7 +263,7 @@ std::expected<std::vector<int>, std::string> find_joints(const mjModel& model, c
         fmt::format("{}: {} turns about no axis; a drive's joint is a hinge", where, fmt::join(others, ", ")));
   for (int joint = 0; joint < model.njnt; ++joint)
     if (model.jnt_type[joint] == mjJNT_HINGE && root_of(model, joint) == root_of(model, found.front()) &&
-        std::ranges::find(found, joint) == found.end())
+        std::ranges::find(found, joint) == found.end() && !is_led(model, joint))
       forgotten.push_back(name_of(model, mjOBJ_JOINT, joint));
   if (!forgotten.empty())
     return std::unexpected(
@@ -270,6 +297,7 @@ std::expected<std::unique_ptr<MujocoMechanics>, std::string> MujocoMechanics::ma
   if (!keyframe) return std::unexpected(keyframe.error());
   const auto site = find_named(model, mjOBJ_SITE, world.imu_site, "site", world.model);
   if (!site) return std::unexpected(site.error());
+  for (std::string& note : surprises_of(model, *joints)) loaded->mended.push_back(std::move(note));
   return std::make_unique<Engine>(std::move(*loaded), std::move(*joints), *keyframe, *site, robot.simulation->step);
 }
 

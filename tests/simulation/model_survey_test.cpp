@@ -4,11 +4,14 @@
 #include "simulation/model_survey.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <random>
 
 namespace takt::plant {
 namespace {
@@ -37,6 +40,37 @@ constexpr const char* kRobot = R"(<mujoco>
   <sensor><gyro site="nose"/></sensor>
   <keyframe><key name="crouch" qpos="0 0 1 1 0 0 0 0 0 0"/><key name="home" qpos="0 0 1 1 0 0 0 0 0 0"/></keyframe>
 </mujoco>)";
+
+// In the form of newer MuJoCo versions, with another object beside the robot, and a gripper of two fingers.
+constexpr const char* kFramed = R"(<mujoco>
+  <compiler angle="radian" assetdir="none"/>
+  <option integrator="implicitfast" ls_iterations="9"><flag eulerdamp="disable"/></option>
+  <default><default class="soft"><geom solimp="0.9 0.9 0.01"/></default></default>
+  <worldbody>
+    <frame pos="0 0 1" euler="0 0 1.5707963267948966">
+      <body name="arm" gravcomp="1"><joint name="arm/hip:1" axis="1 0 0" range="-1 1" actuatorfrcrange="-5 5"/><geom size="0.05" mass="1"/>
+        <frame childclass="soft" pos="0.1 0 0">
+          <body><joint name="finger" type="slide" range="0 0.04"/><geom size="0.01" mass="0.1"/></body>
+          <body><joint name="finger2" type="slide" range="0 0.04"/><geom size="0.01" mass="0.1"/></body>
+        </frame>
+      </body>
+    </frame>
+    <body name="box" pos="2 0 0"><freejoint align="false"/><geom size="0.1" mass="1"/>
+      <body><joint name="lid"/><geom size="0.1" mass="0.1"/></body></body>
+  </worldbody>
+  <equality><joint joint1="finger2" joint2="finger"/></equality>
+  <actuator><position joint="arm/hip:1" kp="50" dampratio="1" inheritrange="1"/></actuator>
+  <sensor><contact name="c"/></sensor>
+</mujoco>)";
+
+constexpr const char* kFollowing = R"(<robot name="arm"><link name="base"/>
+  <link name="upper"><inertial><origin xyz="0 0 -1"/><mass value="2"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual><geometry><mesh filename="package://nowhere/upper.dae"/></geometry></visual></link>
+  <link name="lower"><inertial><origin xyz="0 0 -1"/><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="2" effort="40" velocity="3"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0 0 -1"/><axis xyz="0 1 0"/>
+    <limit lower="-4" upper="4" effort="40" velocity="3"/><mimic joint="shoulder" multiplier="-2" offset="0.25"/></joint></robot>)";
 
 TEST_F(ModelSurveyTest, ReadsWhatAnMjcfSays) {
   const auto facts = survey(kRobot);
@@ -140,6 +174,122 @@ TEST_F(ModelSurveyTest, AHostileTextIsRefusedAndNothingEnds) {
       "<mujoco" + blanks,
   };
   for (const std::string& text : texts) EXPECT_FALSE(survey(text)) << text.substr(0, 40);
+}
+
+// Goal: a model that would fill memory or take long is refused in a line. Method: a composite of eight million bodies.
+TEST_F(ModelSurveyTest, AModelWithoutBoundsIsRefused) {
+  const auto facts = survey(R"(<mujoco><worldbody><body><joint name="a"/><geom size="0.1"/>
+    <composite type="particle" count="200 200 200" spacing="0.05"><geom size="0.02"/></composite></body></worldbody></mujoco>)");
+  ASSERT_FALSE(facts);
+  EXPECT_EQ(facts.error().find('\n'), std::string::npos) << facts.error();
+  EXPECT_TRUE(facts.error().starts_with(path_ + ": ")) << facts.error();
+}
+
+// Goal: whatever a text of a model holds, an import goes on: facts, or one line. Method: small models of both formats,
+// with bytes, words, lines and whole pieces changed; TAKT_MODEL_MUTATIONS says how many, 1000 by itself.
+TEST_F(ModelSurveyTest, AMutatedModelIsReadOrRefusedInALine) {
+  const char* const wanted = std::getenv("TAKT_MODEL_MUTATIONS");
+  const int count = wanted != nullptr ? std::atoi(wanted) : 1000;
+  const std::string texts[] = {kRobot, kFramed, kFollowing};
+  const char* const words[] = {"-1",
+                               "0",
+                               "1e300",
+                               "nan",
+                               "",
+                               "<",
+                               ">",
+                               "\"",
+                               "/>",
+                               "</body>",
+                               "<frame pos=\"1 0 0\">",
+                               "<include file=\"x\"/>",
+                               "999999999"};
+  std::mt19937 random(7);
+  const auto below = [&](std::size_t end) { return std::uniform_int_distribution<std::size_t>(0, end - 1)(random); };
+  int read = 0;
+  for (int i = 0; i < count; ++i) {
+    std::string text = texts[below(std::size(texts))];
+    for (std::size_t change = 0; change <= below(3); ++change) {
+      const std::size_t at = below(text.size()), length = std::min(below(40) + 1, text.size() - at);
+      switch (below(4)) {
+        case 0:
+          text[at] = static_cast<char>(below(256));
+          break;
+        case 1:
+          text.erase(at, length);
+          break;
+        case 2:
+          text.insert(at, words[below(std::size(words))]);
+          break;
+        default:
+          text.insert(below(text.size()), text.substr(at, length));
+      }
+      if (text.empty()) text = " ";
+    }
+    const auto facts = survey(text);
+    read += facts ? 1 : 0;
+    if (!facts) {
+      ASSERT_EQ(facts.error().find('\n'), std::string::npos) << i << ": " << facts.error() << "\n" << text;
+    }
+  }
+  EXPECT_GT(read, count / 50) << "the models are still models";
+  RecordProperty("read", read);
+}
+
+// Goal: what has an equality or a <mimic> follows in simulation and gets no drive, other objects' joints are not the
+// robot's, and slides are named. Method: an MJCF with each of them, a URDF with a mimic.
+TEST_F(ModelSurveyTest, WhatNoDriveMovesIsNamed) {
+  const auto facts = survey(kFramed);
+  ASSERT_TRUE(facts) << facts.error();
+  ASSERT_EQ(facts->joints.size(), 1U);
+  EXPECT_EQ(facts->joints[0].name, "arm/hip:1");
+  ASSERT_EQ(facts->slides.size(), 1U);
+  EXPECT_EQ(facts->slides[0].name, "finger");
+  const std::string remarks = fmt::format("{}", fmt::join(facts->remarks, "\n"));
+  EXPECT_NE(remarks.find("other objects than the robot are not the robot's: lid"), std::string::npos) << remarks;
+  EXPECT_NE(remarks.find("follow another one have no drive of their own: finger2"), std::string::npos) << remarks;
+  const auto followed = survey(kFollowing);
+  ASSERT_TRUE(followed) << followed.error();
+  ASSERT_EQ(followed->joints.size(), 1U);
+  EXPECT_EQ(followed->joints[0].name, "shoulder");
+  EXPECT_NE(fmt::format("{}", fmt::join(followed->remarks, "\n")).find("no drive of their own: elbow"),
+            std::string::npos);
+}
+
+TEST_F(ModelSurveyTest, ARangeThatEndsBelowItsBeginningIsRefused) {
+  std::string text = kFollowing;
+  text.replace(text.find("lower=\"-1\""), 10, "lower=\"9\"");
+  const auto facts = survey(text);
+  ASSERT_FALSE(facts);
+  EXPECT_NE(facts.error().find("joint shoulder has its lower limit 9 above its upper one 2"), std::string::npos)
+      << facts.error();
+}
+
+// Goal: meshes that nothing depends on are done without, others are refused by name, and all are found under a folder
+// that is given. Method: an MJCF whose mesh is not there, seen only, and then collided with.
+TEST_F(ModelSurveyTest, AMeshThatIsOnlySeenIsNotNeeded) {
+  const auto arm = [](const char* contact) {
+    return fmt::format(R"(<mujoco><asset><mesh name="skin" file="skin.stl"/></asset><worldbody><body><joint name="hip"/>
+    <inertial pos="0 0 0.1" mass="1" diaginertia="0.1 0.1 0.1"/>
+    <geom type="mesh" mesh="skin"{}/></body></worldbody></mujoco>)",
+                       contact);
+  };
+  const auto seen = survey(arm(R"( contype="0" conaffinity="0")"));
+  ASSERT_TRUE(seen) << seen.error();
+  EXPECT_NEAR(seen->joints[0].inertia, 0.1, 1e-9);
+  const auto solid = survey(arm(""));
+  ASSERT_FALSE(solid);
+  EXPECT_NE(solid.error().find("its meshes skin.stl are not there, and robots collide or weigh by them"),
+            std::string::npos)
+      << solid.error();
+  const std::filesystem::path folder = testing::TempDir() + fmt::format("takt-meshes-{}", getpid());
+  write_mesh(folder / "skin.stl");
+  const auto found = survey_model(path_, folder.string());
+  EXPECT_TRUE(found) << found.error();
+  const auto copy = model_with_whole_paths(path_, folder.string());
+  ASSERT_TRUE(copy);
+  EXPECT_TRUE(survey(*copy)) << *copy;
+  std::filesystem::remove_all(folder);
 }
 
 TEST_F(ModelSurveyTest, WhatCannotBeReadIsOneSentence) {

@@ -361,6 +361,90 @@ TEST(MjcfFile, WhatNewerVersionsWriteIsMendedInPlace) {
   EXPECT_TRUE(fine.mended.empty());
 }
 
+// Goal: newer words are left out by name, and what stands in a <frame> is where it would be with one. Method: a body by
+// frames in each of the ways to write an orientation, and the same by hand.
+TEST_F(MujocoTest, AFrameIsWhereItsContentsAre) {
+  const auto made = [&](const std::string& inner) {
+    return MujocoMechanics::make(
+        robot_in("<mujoco><compiler angle=\"radian\"/><worldbody><body name=\"a\" pos=\"0 0 1\">"
+                 "<joint name=\"hip\" axis=\"0 1 0\"/>" +
+                     inner + "</body></worldbody></mujoco>",
+                 {"hip"}));
+  };
+  const auto fall = [&](const std::string& inner) {
+    auto body = made(inner);
+    if (!body) throw std::runtime_error(body.error());
+    ArmState state = at({0.3});
+    for (int step = 0; step < 200; ++step)
+      (*body)->integrate(state, Eigen::VectorXd::Zero(1), std::vector<Friction>(1), milliseconds(1));
+    return state.q[0];
+  };
+  const std::string weight = R"(<geom type="box" size="0.2 0.05 0.01" mass="1"/>)";
+  const double by_hand = fall(
+      R"(<geom type="box" size="0.2 0.05 0.01" mass="1" pos="0 0.1 -0.5" quat="0.70710678118654757 0 0 0.70710678118654757"/>)");
+  for (const char* turn : {"euler=\"0 0 1.5707963267948966\"", "axisangle=\"0 0 2 1.5707963267948966\"",
+                           "xyaxes=\"0 1 0 -1 0 0\"", "quat=\"2 0 0 2\""})
+    EXPECT_NEAR(
+        fall(fmt::format("<frame pos=\"0 0.1 -0.2\"><frame {} pos=\"0 0 -0.3\">{}</frame></frame>", turn, weight)),
+        by_hand, 1e-9)
+        << turn;
+  EXPECT_NEAR(
+      fall(R"(<frame pos="0 0 -0.5"><geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="1"/></frame>)"),
+      fall(R"(<geom type="capsule" fromto="0 0 -0.5 0.3 0 -0.5" size="0.02" mass="1"/>)"), 1e-12);
+  EXPECT_THAT(fmt::format("{}", fmt::join((*made("<frame>" + weight + "</frame>"))->notes(), "; ")),
+              testing::HasSubstr("1 <frame> of newer versions taken out"));
+  EXPECT_THAT(made("<frame pos=\"a b c\">" + weight + "</frame>").error(), testing::HasSubstr("frame"));
+  EXPECT_THAT(made(R"(<geom size="0.1" mas="1"/>)").error(), testing::HasSubstr("mas"))
+      << "a mistyped word is no newer one";
+}
+
+// Goal: joints that follow another one do so in simulation, without a joint of the robot file. Method: a URDF whose
+// elbow mimics the shoulder; the shoulder is turned, and feels the elbow's weight.
+TEST_F(MujocoTest, AMimicFollows) {
+  const std::string arm = R"(<robot name="arm"><link name="base"/>
+  <link name="upper"><inertial><origin xyz="0 0 0"/><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="lower"><inertial><origin xyz="0 0 -1"/><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="hip" type="continuous"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/></joint>
+  <joint name="knee" type="continuous"><parent link="upper"/><child link="lower"/><axis xyz="0 1 0"/>MIMIC</joint></robot>)";
+  const auto with = [&](const std::string& mimic) {
+    std::string text = arm;
+    return text.replace(text.find("MIMIC"), 5, mimic);
+  };
+  EXPECT_THAT(refusal_of(with("")), testing::HasSubstr("knee of the same robot"));
+  auto body = MujocoMechanics::make(robot_in(with(R"(<mimic joint="hip" multiplier="-1"/>)"), {"hip"}));
+  ASSERT_TRUE(body) << body.error();
+  ArmState state = at({0.4});
+  for (int step = 0; step < 300; ++step)
+    (*body)->integrate(state, Eigen::VectorXd::Zero(1), std::vector<Friction>(1), milliseconds(1));
+  EXPECT_NEAR(state.q[0], 0.4, 0.05) << "the lower link hangs straight down whatever the hip does";
+}
+
+// Goal: an error of MuJoCo's ends the simulation with a sentence, and asks for no key. Method: a stack that the first
+// contact overflows.
+TEST_F(MujocoTest, AnErrorOfMujocosIsThrown) {
+  const auto body =
+      MujocoMechanics::make(robot_in(R"(<mujoco><size nstack="150"/><worldbody><geom type="plane" size="0 0 1"/>
+    <body pos="0 0 0.3"><joint name="hip" axis="0 1 0"/><geom type="box" size="0.1 0.1 0.1" pos="0.5 0 0" mass="2"/></body></worldbody></mujoco>)",
+                                     {"hip"}));
+  ASSERT_TRUE(body) << body.error();
+  ArmState state = at({0});
+  EXPECT_THROW(for (int step = 0; step < 2000; ++step)(*body)->integrate(state, Eigen::VectorXd::Zero(1),
+                                                                         std::vector<Friction>(1), milliseconds(1)),
+               std::runtime_error);
+}
+
+// Goal: a name that a robot file cannot have is found by what an import makes of it. Method: one joint, then two that
+// would be the same.
+TEST_F(MujocoTest, AJointIsFoundByWhatAnImportCallsIt) {
+  const auto arm = [](const char* other) {
+    return fmt::format(R"(<mujoco><worldbody><body><joint name="robot0:WRJ1"/><geom size="0.1"/>
+      <body><joint name="{}"/><geom size="0.1"/></body></body></worldbody></mujoco>)",
+                       other);
+  };
+  EXPECT_EQ(refusal_of(arm("b"), {"robot0_WRJ1", "b"}), "");
+  EXPECT_THAT(refusal_of(arm("robot0/WRJ1"), {"robot0_WRJ1"}), testing::HasSubstr("has no joint robot0_WRJ1"));
+}
+
 // Goal: the usual entry of a published robot, a scene with its floor that includes the robot, loads and names its
 // files' own lines. Method: the hopper as a scene and two files, one of them with what is mended; one with a fault.
 TEST_F(MujocoTest, AModelOfSeveralFilesIsOne) {
