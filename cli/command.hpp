@@ -80,6 +80,7 @@ void add_panel_run(CLI::App& panel, int& exit_code);       // below add_panel's
 void add_panel_merge(CLI::App& panel, int& exit_code);     // below add_panel's
 void add_panel_attest(CLI::App& panel, int& exit_code);    // below add_panel's
 void add_config_import(CLI::App& config, int& exit_code);  // below add_config's
+void add_config_new(CLI::App& config, int& exit_code);
 
 // Those that stop a robot or tell of it, which program `takt` carries itself: it links no library but libstdc++ and
 // libc, so that half an upgrade leaves them working.

@@ -8,6 +8,7 @@
 #include <span>
 
 #include "config/observation_shape.hpp"
+#include "config/robot_text.hpp"
 #include "config/units.hpp"
 #include "policy_host/bound_terms.hpp"
 #include "policy_host/policy_tensors.hpp"
@@ -66,8 +67,9 @@ std::unexpected<std::string> refuse(const RobotConfig& robot, const std::string&
 }
 
 // Joints are known by name and stand in their places. `of`: "input q is of".
-Result check_joints(const RobotConfig& robot, const std::string& of, const std::vector<std::string>& said,
+Result check_joints(const RobotConfig& robot, const std::string& of, const std::vector<std::string>& in_export,
                     const std::vector<std::string>& has) {
+  const std::vector<std::string> said = config::joint_names_of(in_export);
   if (said.empty()) return {};
   const auto is_unknown = [&](const std::string& name) {
     return std::ranges::find(robot.joints, name, &config::Joint::name) == robot.joints.end();

@@ -5,7 +5,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -22,11 +21,7 @@ using Names = std::vector<std::string>;
 
 // A tensor's name as a sensor may be called.
 std::string identifier_of(const std::string& tensor) {
-  std::string name = tensor.substr(tensor.rfind('/') + 1);
-  for (char& c : name)
-    if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '_' && c != '-') c = '_';
-  if (std::isalpha(static_cast<unsigned char>(name.front())) == 0) name.insert(0, "input_");
-  return name;
+  return config::as_identifier(tensor.substr(tensor.rfind('/') + 1), "input_");
 }
 
 // The policy's joints: of the input with their positions, else as the exporter lists them.
@@ -86,7 +81,7 @@ class Writer {
     if (input.joints.empty())
       joints = ", joints: FILL_IN";
     else if (input.joints != order_)
-      joints = fmt::format(", joints: [{}]", fmt::join(input.joints, ", "));
+      joints = fmt::format(", joints: [{}]", fmt::join(config::joint_names_of(input.joints), ", "));
     add_term(kind + joints, input.name);
   }
 

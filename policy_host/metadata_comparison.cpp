@@ -7,6 +7,8 @@
 #include <cmath>
 #include <optional>
 
+#include "config/robot_text.hpp"
+
 namespace takt::policy_host {
 namespace {
 
@@ -156,7 +158,8 @@ std::vector<std::string> joint_differences(const DescribedJoints& said, const Ro
                                            const std::string& where) {
   std::vector<std::string> differences;
   for (std::size_t i = 0; i < said.joints.size(); ++i) {
-    const auto joint = std::ranges::find(robot.joints, said.joints[i], &config::Joint::name);
+    const std::string name = config::joint_names_of({said.joints[i]}).front();
+    const auto joint = std::ranges::find(robot.joints, name, &config::Joint::name);
     if (joint == robot.joints.end()) continue;
     const auto compare = [&](const char* what, const std::vector<double>& values, double has) {
       if (values.empty() || std::abs(values[i] - has) <= tolerance) return;
@@ -170,9 +173,12 @@ std::vector<std::string> joint_differences(const DescribedJoints& said, const Ro
   return differences;
 }
 
-std::expected<std::vector<std::string>, std::string> compare_metadata(const ExporterMetadata& metadata,
+std::expected<std::vector<std::string>, std::string> compare_metadata(const ExporterMetadata& exported,
                                                                       const RobotConfig& robot) {
-  if (metadata.joint_names.empty()) return {};
+  if (exported.joint_names.empty()) return {};
+  ExporterMetadata metadata = exported;
+  for (std::vector<std::string>* const names : {&metadata.joint_names, &metadata.action_joints})
+    *names = config::joint_names_of(*names);
   const std::vector<const config::Joint*> driven = driven_joints(robot);
   if (auto fine = check_order(metadata.joint_names, joints_by(robot.policy->joint_order, robot), robot, "joint",
                               "policy.joint_order");

@@ -149,6 +149,7 @@ void add_config(CLI::App& app, int& exit_code) {
     fmt::print("{}", config::json_schema());
     exit_code = kExitOk;
   });
+  add_config_new(*parent, exit_code);
   add_config_import(*parent, exit_code);
 }
 

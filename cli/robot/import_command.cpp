@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// takt config import: a robot file to fill in, from what an export knows: a deploy.yaml of Isaac Lab and Unitree's
-// tools, the YAML of a LEAPP bundle, or the metadata in an ONNX file of exploy's, mjlab's and whole_body_tracking's
-// exporters.
+// takt config new | import: a robot file to fill in, from a robot's model, and from what an export knows: a deploy.yaml
+// of Isaac Lab and Unitree's tools, the YAML of a LEAPP bundle, or the metadata in an ONNX file of exploy's, mjlab's
+// and whole_body_tracking's exporters.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <memory>
 #include <optional>
+#include <ranges>
+#include <span>
 #include <utility>
 
 #include "cli/command.hpp"
@@ -16,6 +20,8 @@
 #include "config/deploy_import.hpp"
 #include "config/document.hpp"
 #include "config/load.hpp"
+#include "config/model_import.hpp"
+#include "config/robot_text.hpp"
 #include "config/units.hpp"
 #include "policy_host/described_import.hpp"
 #include "policy_host/exploy/exploy_description.hpp"
@@ -23,6 +29,7 @@
 #include "policy_host/leapp/leapp_bundle.hpp"
 #include "policy_host/leapp/leapp_description.hpp"
 #include "policy_host/onnx/model.hpp"
+#include "policy_host/policy_tensors.hpp"
 #include "simulation/model_survey.hpp"
 
 namespace takt::cli {
@@ -30,8 +37,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::string_view kDefaultInput = "obs", kDefaultOutput = "actions";  // of policy.input and policy.output
+
 struct Given {
-  std::string export_file, policy_file, model_file, robot, out, period;
+  std::string export_file, policy_file, model_file, mesh_path, robot, out, period;
   std::vector<std::string> joint_names;
   bool simulated = false;
   // By its name, or by what is in it.
@@ -46,6 +55,8 @@ std::string path_from(const std::string& out, const std::string& file) {
   if (fs::path(file).is_absolute()) return file;
   return fs::relative(file, fs::absolute(out).parent_path()).string();
 }
+
+constexpr const char* kMeshPathText = "folder of meshes that are not where the model names them, of packages too";
 
 std::string unfilled_in(const std::string& robot) {
   std::size_t count = 0;
@@ -94,7 +105,10 @@ std::expected<config::DeployFile, std::string> read_export(Given& given,
     if (!bundle) return std::unexpected(bundle.error());
     return read_described(policy_host::describe_leapp(*bundle), given, model);
   }
-  return config::read_deploy_file(*text, given.export_file);
+  std::vector<std::string> inputs;
+  if (const auto tensors = onnx_engine::read_tensors(given.policy_file))
+    for (const onnx_engine::TensorInfo& input : tensors->inputs) inputs.push_back(input.name);
+  return config::read_deploy_file(*text, given.export_file, inputs);
 }
 
 // The policy's period, where the export does not say it.
@@ -108,11 +122,61 @@ std::expected<void, std::string> add_period(const std::string& text, config::Dep
   return {};
 }
 
+std::string listed(std::span<const onnx_engine::TensorInfo> tensors, const std::vector<std::size_t>& chosen) {
+  std::vector<std::string_view> names;
+  for (const std::size_t one : chosen) names.emplace_back(tensors[one].name);
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
+// policy.input and policy.output, where the policy is an ONNX file whose tensors have other names than the defaults.
+void name_tensors(const std::string& policy_file, const config::DeployFile& deploy, config::ImportOptions& options) {
+  const auto declared = onnx_engine::read_tensors(policy_file);
+  if (!declared) return;
+  const auto assigned = policy_host::assign_tensors({declared->inputs, declared->outputs}, policy_file,
+                                                    fmt::format("{}", fmt::join(deploy.inputs, ", ")), "");
+  if (!assigned) return;  // the policy host says what is wrong with it
+  options.input = listed(declared->inputs, assigned->observation);
+  options.output = listed(declared->outputs, {assigned->outputs.front()});
+  const auto is_actions = [](const onnx_engine::TensorInfo& tensor) { return tensor.name == kDefaultOutput; };
+  if (options.input == kDefaultInput) options.input.clear();
+  if (std::ranges::any_of(declared->outputs, is_actions)) options.output.clear();
+}
+
 // The export is the policy itself: an ONNX file, or a bundle.
 bool is_policy(const Given& given) {
   if (given.is_onnx()) return true;
   const auto text = config::read_file(given.export_file);
   return text && policy_host::is_leapp_bundle(*text);
+}
+
+std::string slides_text(const config::ModelFacts& model) {
+  return fmt::format("slides of the model have no drive, and move freely: {}",
+                     fmt::join(model.slides | std::views::transform(&config::ModelJoint::name), ", "));
+}
+
+// With --mesh-path: a copy of the model beside the robot file that names its meshes by their whole paths.
+std::expected<void, std::string> keep_model_beside(Given& given) {
+  if (given.mesh_path.empty() || given.model_file.empty()) return {};
+  const auto text = plant::model_with_whole_paths(given.model_file, given.mesh_path);
+  if (!text) return std::unexpected(text.error());
+  const std::string copy = fs::path(given.out).replace_extension(".model.xml").string();
+  std::ofstream file(copy);
+  file << *text;
+  if (!file.flush()) return std::unexpected(copy + ": cannot be written; is its disk full? choose another -o");
+  given.model_file = copy;
+  return {};
+}
+
+// A robot file that is not there yet. Returns the exit code; what is wrong was said.
+int write_new(const std::string& path, const std::string& text) {
+  if (fs::exists(path))
+    return refuse(kExitFailed, fmt::format("{} exists already; choose another -o, or remove it", path));
+  std::ofstream file(path);
+  file << text;
+  if (file.flush()) return kExitOk;
+  std::error_code ignored;
+  fs::remove(path, ignored);  // half a robot file would stand in the way of the next try
+  return refuse(kExitFailed, fmt::format("{} cannot be written; is its disk full? choose another -o", path));
 }
 
 int import(Given given) {
@@ -123,38 +187,58 @@ int import(Given given) {
     return refuse(config::kExitBadConfiguration, hash.error());
   std::optional<config::ModelFacts> model;
   if (!given.model_file.empty()) {
-    auto facts = plant::survey_model(given.model_file);
+    auto facts = plant::survey_model(given.model_file, given.mesh_path);
     if (!facts) return refuse(config::kExitBadConfiguration, facts.error());
     model = std::move(*facts);
+    if (const auto kept = keep_model_beside(given); !kept) return refuse(kExitFailed, kept.error());
   }
   auto deploy = read_export(given, model);
   if (!deploy) return refuse(config::kExitBadConfiguration, deploy.error());
   if (!given.period.empty())
     if (const auto added = add_period(given.period, *deploy); !added) return refuse(kExitUsage, added.error());
   std::vector<std::string> remarks = deploy->remarks;
+  if (model) remarks.insert(remarks.end(), model->remarks.begin(), model->remarks.end());
+  if (model && !model->slides.empty()) remarks.push_back(slides_text(*model));
   if (model && given.joint_names.empty())
     if (const auto order = config::motor_order(*model); !order.remark.empty()) remarks.push_back(order.remark);
-  const auto robot = config::import_deploy_file(*deploy, {.robot = given.robot,
-                                                          .policy_file = path_from(given.out, given.policy_file),
-                                                          .joint_names = given.joint_names,
-                                                          .source = fs::path(given.export_file).filename().string(),
-                                                          .model = std::move(model),
-                                                          .model_file = path_from(given.out, given.model_file),
-                                                          .simulated = given.simulated});
+  config::ImportOptions options{.robot = given.robot,
+                                .policy_file = path_from(given.out, given.policy_file),
+                                .joint_names = given.joint_names,
+                                .source = fs::path(given.export_file).filename().string(),
+                                .model = std::move(model),
+                                .model_file = path_from(given.out, given.model_file),
+                                .simulated = given.simulated};
+  if (!deploy->tensors) name_tensors(given.policy_file, *deploy, options);
+  const auto robot = config::import_deploy_file(*deploy, options);
   if (!robot) return refuse(kExitUsage, robot.error());
-  if (fs::exists(given.out))
-    return refuse(kExitFailed, fmt::format("{} exists already; choose another -o, or remove it", given.out));
-  std::ofstream file(given.out);
-  file << *robot;
-  if (!file.flush()) {
-    std::error_code ignored;
-    fs::remove(given.out, ignored);  // half a robot file would stand in the way of the next try
-    return refuse(kExitFailed, fmt::format("{} cannot be written; is its disk full? choose another -o", given.out));
-  }
+  if (const int refused = write_new(given.out, *robot); refused != kExitOk) return refused;
   for (const std::string& note : deploy->notes) fmt::print(stderr, "not carried over: {}\n", note);
   for (const std::string& remark : remarks) fmt::print(stderr, "note: {}\n", remark);
   fmt::print("{}: {} joints, {} observation terms; {} to replace, then: takt config check {}\n", given.out,
              deploy->robot_joint.size(), deploy->terms.size(), unfilled_in(*robot), given.out);
+  return kExitOk;
+}
+
+int make_new(Given given) {
+  const auto model = plant::survey_model(given.model_file, given.mesh_path);
+  if (!model) return refuse(config::kExitBadConfiguration, model.error());
+  const std::string source = given.model_file;
+  if (const auto kept = keep_model_beside(given); !kept) return refuse(kExitFailed, kept.error());
+  const std::string name =
+      given.robot.empty() ? config::as_identifier(fs::path(source).stem().string(), "robot_") : given.robot;
+  const auto robot = config::robot_of_model({.robot = name,
+                                             .policy_file = {},
+                                             .joint_names = {},
+                                             .source = fs::path(source).filename().string(),
+                                             .model = *model,
+                                             .model_file = path_from(given.out, given.model_file),
+                                             .simulated = given.simulated});
+  if (!robot) return refuse(kExitUsage, robot.error());
+  if (const int refused = write_new(given.out, *robot); refused != kExitOk) return refused;
+  for (const std::string& remark : model->remarks) fmt::print(stderr, "note: {}\n", remark);
+  if (!model->slides.empty()) fmt::print(stderr, "note: {}\n", slides_text(*model));
+  fmt::print("{}: {} joints, no policy; {} to replace, then: takt config check {}\n", given.out, model->joints.size(),
+             unfilled_in(*robot), given.out);
   return kExitOk;
 }
 
@@ -175,6 +259,7 @@ void add_config_import(CLI::App& config, int& exit_code) {
                       "the exported ONNX file; default: EXPORT, where it is one or a bundle");
   command->add_option("--model", given->model_file,
                       "the robot's MJCF or URDF: names, position limits, torques, inertias, IMU, keyframe");
+  command->add_option("--mesh-path", given->mesh_path, kMeshPathText);
   command->add_flag("--simulated", given->simulated,
                     "make up buses, drives and contract, so that `takt run` simulates it at once; needs --model");
   command->add_option("--period", given->period, "the policy's, where the export does not say it: 20ms");
@@ -191,6 +276,23 @@ void add_config_import(CLI::App& config, int& exit_code) {
       "Exit codes: 0 written, 1 the output exists or cannot be written, 64 command line, 65 the export cannot be "
       "read.");
   command->callback([given, &exit_code] { exit_code = import(*given); });
+}
+
+void add_config_new(CLI::App& config, int& exit_code) {
+  CLI::App* command = config.add_subcommand("new", "Begin a robot file from the robot's model alone.");
+  auto given = std::make_shared<Given>();
+  command->add_option("MODEL", given->model_file, "the robot's MJCF or URDF")->required();
+  command->add_option("--mesh-path", given->mesh_path, kMeshPathText);
+  command->add_flag("--simulated", given->simulated,
+                    "make up buses, drives, gains and contract, so that `takt run --arm` simulates it at once");
+  command->add_option("--robot", given->robot, "name of the robot; default: the model's file name");
+  command->add_option("-o,--output", given->out, "robot file to write; must not exist yet")->required();
+  command->footer(
+      "Example: takt config new so101.urdf --simulated -o so101.yaml\n"
+      "Joints, limits, torques, inertias and where it begins are the model's. What no model knows is written as "
+      "FILL_IN.\n"
+      "Exit codes: 0 written, 1 the output exists or cannot be written, 64 command line, 65 the model cannot be read.");
+  command->callback([given, &exit_code] { exit_code = make_new(*given); });
 }
 
 }  // namespace takt::cli

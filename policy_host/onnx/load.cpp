@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <cstring>
 #include <exception>
 #include <fstream>
 #include <set>
@@ -185,6 +186,30 @@ Metadata metadata_of(const onnx::ModelProto& model) {
   return metadata;
 }
 
+// In the file's own types of numbers; elements that lie beside the file have been brought in, or are not looked at.
+template <class Number>
+bool has_nan(std::string_view raw) {
+  for (std::size_t at = 0; at + sizeof(Number) <= raw.size(); at += sizeof(Number)) {
+    Number number;
+    std::memcpy(&number, raw.data() + at, sizeof number);
+    if (std::isnan(number)) return true;
+  }
+  return false;
+}
+
+// Weights of which one is NaN make every answer NaN.
+void screen_weights(const onnx::GraphProto& graph) {
+  const auto is_nan = [](auto number) { return std::isnan(number); };
+  for (const onnx::TensorProto& weights : graph.initializer()) {
+    const bool is_double = weights.data_type() == onnx::TensorProto_DataType_DOUBLE;
+    if (!is_double && weights.data_type() != onnx::TensorProto_DataType_FLOAT) continue;
+    if (std::ranges::any_of(weights.float_data(), is_nan) || std::ranges::any_of(weights.double_data(), is_nan) ||
+        (is_double ? has_nan<double>(weights.raw_data()) : has_nan<float>(weights.raw_data())))
+      throw Refusal(fmt::format(
+          "weights '{}' hold NaN, as after a training that diverged; export an earlier checkpoint", weights.name()));
+  }
+}
+
 std::expected<void, std::string> parse(std::span<const std::byte> bytes, std::string_view name,
                                        onnx::ModelProto& model) {
   if (screen_wire(bytes, *onnx::ModelProto::descriptor()) &&
@@ -229,6 +254,7 @@ std::expected<Model, Unloaded> load_from(std::span<const std::byte> bytes, std::
     if (const auto parsed = parse(bytes, name, model); !parsed) return unloaded(parsed.error());
     std::vector<ExternalFile> external;
     if (file != nullptr) external = bring_in_external_data(model, *file);
+    screen_weights(model.graph());
     std::unique_ptr<Program> program = compile(model);
     program->external_files = std::move(external);
     program->opset = opset_of(model);
@@ -295,6 +321,7 @@ std::expected<void, std::string> check_external_data(const std::filesystem::path
     onnx::ModelProto model;
     if (auto parsed = parse_file(file, model); !parsed) return parsed;
     vet_external_data(model, file);
+    screen_weights(model.graph());
     return {};
   });
 }
@@ -304,6 +331,26 @@ std::expected<Memory, std::string> read_memory(const std::filesystem::path& file
     onnx::ModelProto model;
     if (const auto parsed = parse_file(file, model); !parsed) return std::unexpected(parsed.error());
     return memory_of(std::move(model));
+  });
+}
+
+std::expected<DeclaredTensors, std::string> read_tensors(const std::filesystem::path& file) {
+  return judged(file.string(), [&]() -> std::expected<DeclaredTensors, std::string> {
+    onnx::ModelProto model;
+    if (const auto parsed = parse_file(file, model); !parsed) return std::unexpected(parsed.error());
+    Names constants;
+    for (const onnx::TensorProto& tensor : model.graph().initializer()) constants.insert(tensor.name());
+    const auto info_of = [](const onnx::ValueInfoProto& value) {
+      TensorInfo info{value.name(), {}};
+      for (const auto& dim : value.type().tensor_type().shape().dim())
+        info.shape.push_back(std::max<std::int64_t>(dim.dim_value(), 1));
+      return info;
+    };
+    DeclaredTensors tensors;
+    for (const onnx::ValueInfoProto& input : model.graph().input())
+      if (!constants.contains(input.name())) tensors.inputs.push_back(info_of(input));
+    for (const onnx::ValueInfoProto& output : model.graph().output()) tensors.outputs.push_back(info_of(output));
+    return tensors;
   });
 }
 

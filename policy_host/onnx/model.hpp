@@ -115,4 +115,11 @@ std::expected<Memory, std::string> read_memory(const std::filesystem::path& file
 // metadata_props alone, of a file that another engine runs.
 std::expected<Metadata, std::string> read_metadata(const std::filesystem::path& file);
 
+// What a file declares, of whichever engine: inputs that have no initializer, and outputs. A dimension that it does not
+// say counts as 1.
+struct DeclaredTensors {
+  std::vector<TensorInfo> inputs, outputs;
+};
+std::expected<DeclaredTensors, std::string> read_tensors(const std::filesystem::path& file);
+
 }  // namespace takt::onnx_engine

@@ -57,6 +57,16 @@ std::expected<std::vector<std::string>, std::string> compared(const Metadata& me
   return compare_metadata(read_exporter_metadata(metadata).value(), robot);
 }
 
+TEST(MetadataComparison, JointsAreKnownByWhatAnImportCallsThem) {
+  auto renamed = fitting();
+  renamed.joints[0].name = "left_hip_0";
+  Metadata metadata = with(agreeing(), "joint_names", "left/hip:0, b,c");
+  metadata = with(metadata, "action_joint_names", "left/hip:0,b,c");
+  const auto same = compared(metadata, renamed);
+  ASSERT_TRUE(same) << same.error();
+  EXPECT_TRUE(same->empty());
+}
+
 TEST(MetadataComparison, AgreesToItsRounding) {
   const auto differences = compared(agreeing());
   ASSERT_TRUE(differences) << differences.error();

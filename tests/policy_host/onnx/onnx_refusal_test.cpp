@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <random>
 
 #include "tests/policy_host/onnx/onnx_graph_maker.hpp"
@@ -358,6 +359,20 @@ TEST(Refusal, DataThatDoesNotFillItsShape) {
   GraphMaker maker = small_policy();
   weights(maker).mutable_float_data()->RemoveLast();
   expect_sentence(maker.refusal(), {"initializer 'w'", "damaged"});
+}
+
+// A network of such weights answers NaN for ever.
+TEST(Refusal, WeightsThatAreNan) {
+  GraphMaker maker = small_policy();
+  weights(maker).set_float_data(0, std::numeric_limits<float>::quiet_NaN());
+  expect_sentence(maker.refusal(), {"weights 'w' hold NaN", "export an earlier checkpoint"});
+  GraphMaker raw = small_policy();
+  onnx::TensorProto& tensor = weights(raw);
+  std::vector<float> numbers(tensor.float_data().begin(), tensor.float_data().end());
+  numbers.back() = std::numeric_limits<float>::quiet_NaN();
+  tensor.clear_float_data();
+  tensor.set_raw_data(numbers.data(), numbers.size() * sizeof(float));
+  expect_sentence(raw.refusal(), {"weights 'w' hold NaN"});
 }
 
 TEST(Refusal, OpsetTooOldOrTooNew) {
