@@ -236,7 +236,8 @@ std::string joints_text(const DeployFile& deploy, const ImportOptions& options) 
   const std::size_t joints = deploy.robot_joint.size();
   std::vector<double> home(deploy.default_position.size());
   for (std::size_t k = 0; k < home.size(); ++k) home[deploy.robot_joint[k]] = deploy.default_position[k];
-  std::string text = "joints:   # in the robot's order; kp and kd limits are the deployed gains\n";
+  std::string text = fmt::format("joints:   # in the robot's order; kp and kd limits are the {} gains\n",
+                                 options.policy_file.empty() ? "model's or made-up" : "deployed");
   for (std::size_t j = 0; j < joints; ++j) {
     const std::string name = joint_name(options, j);
     const std::string there = options.joint_names.empty() ? name : options.joint_names[j];

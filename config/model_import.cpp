@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "config/units.hpp"
 #include "executive/contract/joints.hpp"
 
 namespace takt::config {
@@ -27,8 +28,7 @@ double damping_of(const ModelJoint& joint) {
 }
 
 double rounded(double value) {
-  const double unit = std::pow(10, std::floor(std::log10(value)) - 3);
-  return std::round(value / unit) * unit;
+  return parse_number(fmt::format("{:.4g}", value)).value_or(value);
 }
 
 }  // namespace

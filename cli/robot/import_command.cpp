@@ -284,7 +284,7 @@ void add_config_new(CLI::App& config, int& exit_code) {
   command->add_option("MODEL", given->model_file, "the robot's MJCF or URDF")->required();
   command->add_option("--mesh-path", given->mesh_path, kMeshPathText);
   command->add_flag("--simulated", given->simulated,
-                    "make up buses, drives, gains and contract, so that `takt run --arm` simulates it at once");
+                    "make up buses, drives, gains and contract, so that `takt run` simulates it at once");
   command->add_option("--robot", given->robot, "name of the robot; default: the model's file name");
   command->add_option("-o,--output", given->out, "robot file to write; must not exist yet")->required();
   command->footer(
