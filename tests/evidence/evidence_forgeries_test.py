@@ -221,7 +221,7 @@ class Forgery:
         if said.returncode != code or line is None:
             self.wrong.append(f"{name}: exit code {said.returncode}, expected '{sentence}': {said.stdout[-700:]}")
         else:
-            print(f"{name}: {line[:140]}")
+            print(f"{name}: {line[:140]}", flush=True)
 
     def by_signature(self, name, folder):
         done = self.call("audit", folder, "--signed-by", self.public)
@@ -294,8 +294,8 @@ class Forgery:
             folder = self.copy(self.run)
             change(folder)
             self.judge(f"run: {name}", self.call("audit", folder), sentence)
-            if not (folder / "seal.json").exists():
-                continue
+            if "seal" in name:
+                continue  # nothing else was edited
             self.seal_run(folder)
             done = self.call("audit", folder, "--signed-by", self.public)
             if done.returncode == 0:
