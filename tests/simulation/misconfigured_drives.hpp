@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Drives that are set up otherwise than a robot file says, one planted difference a row, and what must be said of it:
-// for drivers (misconfigured_drives_test.cpp) and for the tools of the person at the robot (planted_for_tools_test.cpp).
-// The difference is in the simulated drive itself, or, where it is the simulator's habit to be right, in its word on the
-// wire. The sentences were written down here from the settings' names in the makers' manuals.
+// for drivers (misconfigured_drives_test.cpp) and for the tools of the person at the robot
+// (planted_for_tools_test.cpp). The difference is in the simulated drive itself, or, where it is the simulator's habit
+// to be right, in its word on the wire. The sentences were written down here from the settings' names in the makers'
+// manuals.
 #pragma once
 
 #include <cstring>
@@ -107,7 +108,7 @@ inline std::function<Planted(const Drive&)> built(const std::function<void(Drive
 }
 // Its word on the wire differs from what the simulated drive would say.
 inline std::function<Planted(const Drive&)> saying(std::function<bool(CanFrame&)> otherwise,
-                                            Duration watchdog = milliseconds(100)) {
+                                                   Duration watchdog = milliseconds(100)) {
   return [otherwise, watchdog](const Drive& file) { return Planted{make_device(file, watchdog), otherwise}; };
 }
 inline std::function<Planted(const Drive&)> servo_with(const Cia402Profile& profile) {
@@ -121,7 +122,9 @@ inline std::function<Planted(const Drive&)> moteus_at_home(int state) {
   };
 }
 
-inline const auto kIncremental = [](Drive& drive) { drive.position_after_power_up = config::PositionAfterPowerUp::unknown; };
+inline const auto kIncremental = [](Drive& drive) {
+  drive.position_after_power_up = config::PositionAfterPowerUp::unknown;
+};
 inline const auto kOneOfNine = [](Drive& drive) {
   drive.position_after_power_up = config::PositionAfterPowerUp::one_of_several;
   drive.places_per_turn = 9;

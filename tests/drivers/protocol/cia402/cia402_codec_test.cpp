@@ -51,7 +51,11 @@ TEST(Cia402Codec, SdoAnswers) {
       {"one byte, the rest is noise", frame_of({0x4F, 0x61, 0x60, 0, 0x0A, 9, 9, 9}), Kind::value, {0x6061, 0}, 10},
       {"two bytes", frame_of({0x4B, 0x17, 0x10, 0, 0x64, 1, 9, 9}), Kind::value, {0x1017, 0}, 0x164},
       {"three bytes", frame_of({0x47, 0, 0x20, 3, 1, 2, 3, 9}), Kind::value, {0x2000, 3}, 0x030201},
-      {"without a size, as CiA 301 allows", frame_of({0x42, 0x61, 0x60, 0, 0x0A, 9, 9, 9}), Kind::value, {0x6061, 0}, 0x0909090A},
+      {"without a size, as CiA 301 allows",
+       frame_of({0x42, 0x61, 0x60, 0, 0x0A, 9, 9, 9}),
+       Kind::value,
+       {0x6061, 0},
+       0x0909090A},
       {"four bytes", frame_of({0x43, 0, 0x10, 0, 0x92, 1, 2, 0}), Kind::value, {0x1000, 0}, 0x00020192},
       {"aborted", frame_of({0x80, 0, 0x14, 1, 0x30, 0, 9, 6}), Kind::aborted, {0x1400, 1}, 0x06090030},
   };
