@@ -187,8 +187,8 @@ TEST_F(KeptPanel, LeadNowhereElse) {
   const ArtifactFolder folder(path("forged"));
   std::filesystem::create_directories(folder.path());
   const std::string hash = keep_content(folder, "robot").value();
-  for (const char* const name : {"/etc/passwd", "a/../../../b", "../../../../../../../../../../../../../../../../../x",
-                                 "./a", "..", ""}) {
+  for (const char* const name :
+       {"/etc/passwd", "a/../../../b", "../../../../../../../../../../../../../../../../../x", "./a", "..", ""}) {
     ASSERT_TRUE(
         write_inputs(folder, {.tasks = {{"arm_tracking", {{"robot.yaml", hash}, {name, hash}}}}, .not_kept = {}}));
     EXPECT_EQ(UnpackedInputs::unpack(folder).error(), "inputs.json is not as it was written (takt.inputs/1)") << name;
