@@ -77,9 +77,10 @@ class Cli : public test::Shell {
 
 TEST_F(Cli, HelpOfEveryCommandHasAnExampleAndItsExitCodes) {
   for (const char* command :
-       {"run",         "arm",         "stop",          "reset",  "mark",   "command",  "gamepad", "status",
-        "top",         "report",      "replay",        "budget", "margin", "ablate",   "ages",    "config check",
-        "config show", "config keys", "config new", "config import", "doctor", "deploy", "rollback", "bus up",  "bus disable"}) {
+       {"run",    "arm",          "stop",        "reset",       "mark",       "command",       "gamepad",
+        "status", "top",          "report",      "replay",      "budget",     "margin",        "ablate",
+        "ages",   "config check", "config show", "config keys", "config new", "config import", "doctor",
+        "deploy", "rollback",     "bus up",      "bus disable"}) {
     const Ended help = run(std::string(command) + " --help");
     EXPECT_EQ(help.exit_code, 0) << command;
     const bool has_example = help.output.find("Example: takt ") != std::string::npos ||

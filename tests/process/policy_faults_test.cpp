@@ -117,8 +117,8 @@ TEST(MonitorFaults, KilledMonitorStopsTheRobotAndMayComeBack) {
   arm_and_track(robot);
 }
 
-// Goal: who closes the terminal ends the recorder as the supervisor does: the run folder is whole. Method: SIGHUP, while
-// the robot moves.
+// Goal: who closes the terminal ends the recorder as the supervisor does: the run folder is whole. Method: SIGHUP,
+// while the robot moves.
 TEST(MonitorFaults, ATerminalThatIsClosedLeavesAWholeFolder) {
   RunningRobot robot;
   const Child policy = robot.start_policy_host();
