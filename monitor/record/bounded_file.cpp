@@ -50,7 +50,8 @@ BoundedFile::~BoundedFile() {
 }
 
 bool BoundedFile::append(std::span<const std::byte> piece) {
-  if (!failure_.empty()) return false;
+  // Before it grows: what was cut would be a hole as long as before.
+  if (!failure_.empty() || !is_where_it_was()) return false;
   if (size_ + piece.size() > max_bytes_) {
     failure_ = fmt::format("{} reached its limit of {} bytes", path_, max_bytes_);
     return false;
