@@ -34,11 +34,11 @@ Words timing_command(const config::Bus& bus) {
   return type;
 }
 
-struct Answer {
+struct KernelAnswer {
   std::string_view says, mend;
 };
 // As iproute2 and the kernel's extended acknowledgements word them.
-constexpr Answer kAnswers[] = {
+constexpr KernelAnswer kKernelAnswers[] = {
     {"Operation not permitted", "it needs root or CAP_NET_ADMIN"},
     {"Cannot find device", "the adapter is gone: plug it in again"},
     {"No such device", "the adapter is gone: plug it in again"},
@@ -134,13 +134,13 @@ std::string why_refused(const Words& command, std::string_view said) {
   const std::string_view line = said.substr(0, said.find('\n'));
   const bool is_fd = std::ranges::find(command, "fd") != command.end();
   const auto known = std::ranges::find_if(
-      kAnswers, [&](const Answer& answer) { return said.find(answer.says) != std::string_view::npos; });
+      kKernelAnswers, [&](const KernelAnswer& answer) { return said.find(answer.says) != std::string_view::npos; });
   std::string mend;
   if (is_fd && said.find("Operation not supported") != std::string_view::npos)
     mend = "its adapter or driver has no CAN FD: write `fd: false`, or take another adapter";
   else if (said.find("Operation not supported") != std::string_view::npos)
     mend = "its driver does not do that: an adapter on a serial line gets its bit rate from slcand";
-  else if (known != std::end(kAnswers))
+  else if (known != std::end(kKernelAnswers))
     mend = known->mend;
   return fmt::format("`{}` failed: {}{}{}", line_of(command), line, mend.empty() ? "" : "; ", mend);
 }
