@@ -22,7 +22,8 @@
 namespace takt::cli {
 namespace {
 
-constexpr Duration kReadyWithin = seconds(15);
+constexpr Duration kReadyWithin = seconds(60);  // a network's library from a cold disk; who ends before is told at once
+constexpr Duration kToldToWait = seconds(5);
 constexpr Duration kArmedWithin = seconds(10);
 constexpr Duration kTrackingWithin = seconds(10);
 constexpr Duration kPollEvery = milliseconds(20);
@@ -220,8 +221,13 @@ Supervisor::Outcome Supervisor::start_all() {
 }
 
 Supervisor::Outcome Supervisor::wait_ready(ProcessName process) {
-  for (const Duration give_up = now() + kReadyWithin; now() < give_up;) {
+  const Duration began = now();
+  for (bool is_told = false; now() < began + kReadyWithin;) {
     if (auto alive = look_after_children(); !alive) return alive;
+    if (!is_told && now() >= began + kToldToWait) {
+      is_told = true;
+      display_.note(fmt::format("{} is still starting", label(process)));
+    }
     // One that was ready before may take this one along: the cause is told, not what came of it.
     for (const ProcessName started : processes_.wanted()) {
       ChildProcess* child = processes_.find(started);
