@@ -39,8 +39,8 @@ set(TAKT_ARITHMETIC $<$<CONFIG:RelWithDebInfo>:-O2>) # for targets in such a fol
 set(TAKT_EVERY_TICK -fno-semantic-interposition)
 
 # A first build in half the time: such folders' sources are compiled several at once, so that headers are read once for all of
-# them. Off for who edits them. Their file-local names must differ therefore; the sanitizers' builds hold them to it.
-option(TAKT_UNITY_BUILD "Compile several sources of a library at once, where that pays" OFF)
+# them. Their file-local names must differ therefore. Off for who edits them (./dev build).
+option(TAKT_UNITY_BUILD "Compile several sources of a library at once, where that pays" ON)
 
 # takt_library(NAME SOURCES... DEPENDS...) ; without sources it is header-only.
 function(takt_library name)

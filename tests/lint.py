@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """clang-tidy on every source of the product, as the given build folder compiles it.
 
-What was clean stays clean: a source is checked again only when it, one of the project's headers that its last build
-read, the settings or clang-tidy itself have changed. That is remembered per user, so that a fresh clone starts warm.
+What was clean stays clean: a source is checked again only when it, one of the project's headers that it reads, the
+settings or clang-tidy itself have changed. That is remembered per user, so that a fresh clone starts warm.
 On a machine that remembers nothing all of them take an hour of its processors. --for SECONDS begins with what changed
 last and leaves what it did not come to for the next time; it says how many.
-Usage: lint.py BUILD_FOLDER [--for SECONDS], from the project's top folder, after a build. Exit code 1 when something
+Usage: lint.py BUILD_FOLDER [--for SECONDS], from the project's top folder. Exit code 1 when something
 was found.
 """
 import concurrent.futures
@@ -14,6 +14,7 @@ import functools
 import hashlib
 import os
 import pathlib
+import re
 import subprocess
 import sys
 import time
@@ -30,26 +31,21 @@ def output_of(*command):
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
-def headers_by_source(build):
-    """What each source's last build read of this project, from ninja's own notes."""
-    root = os.getcwd() + "/"
-    headers, files = {}, []
+@functools.cache
+def included_by(path):
+    """The project's files that this one names."""
+    named = re.findall(r'^\s*#\s*include\s*"([^"]+)"', pathlib.Path(path).read_text(), re.M)
+    beside = (os.path.normpath(os.path.join(folder, name)) for name in named for folder in ("", os.path.dirname(path)))
+    return frozenset(name for name in beside if os.path.isfile(name))
 
-    def keep():
-        ours = [path[len(root):] for path in (os.path.normpath(os.path.join(build, f)) for f in files)
-                if path.startswith(root) and not path.startswith(build)]
-        if ours:
-            headers.setdefault(ours[0], set()).update(ours[1:])
 
-    for line in output_of("ninja", "-C", build, "-t", "deps").splitlines():
-        if line.startswith("    "):
-            files.append(line.strip())
-        elif files:
-            keep()
-            files = []
-    if files:
-        keep()
-    return headers
+def headers_of(source):
+    """All that it reads of this project."""
+    found, new = set(), set(included_by(source))
+    while new:
+        found |= new
+        new = set().union(*map(included_by, new)) - found
+    return found
 
 
 @functools.cache
@@ -96,15 +92,11 @@ def main():
         if old.stat().st_mtime < time.time() - FORGET_AFTER_S:
             old.unlink()
     settings = digest(".clang-tidy") + digest(__file__) + output_of(CLANG_TIDY, "--version")
-    headers = headers_by_source(build)
     listed = output_of("git", "ls-files", *(f"{room}/*.cpp" for room in ROOMS)).split()
     sources = [source for source in listed if source not in LEFT_OUT]
-    missing = [source for source in sources if source not in headers]
-    if missing:
-        sys.exit(f"lint: {build} was not built with {', '.join(missing)}; build everything first")
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         clean = list(pool.map(
-            lambda source: check(build, source, cache / stamp_of(source, headers[source], settings), until),
+            lambda source: check(build, source, cache / stamp_of(source, headers_of(source), settings), until),
             newest_first(sources)))
     left = f", {clean.count(None)} are left for the next time" if None in clean else ""
     print(f"{clean.count(True)} of {len(clean)} sources are clean{left}")

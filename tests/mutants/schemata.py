@@ -113,7 +113,7 @@ class Tree:
             for file in files:
                 if os.path.relpath(os.path.join(folder, file), self.folder) not in kept:
                     os.unlink(os.path.join(folder, file))
-        done = subprocess.run(["cmake", "--preset", "release", "-DTAKT_BUILD_TESTS=ON"], cwd=self.folder, env=self.environment(), capture_output=True, text=True)
+        done = subprocess.run(["cmake", "--preset", "release", "-DTAKT_BUILD_TESTS=ON", "-DTAKT_UNITY_BUILD=OFF"], cwd=self.folder, env=self.environment(), capture_output=True, text=True)
         if done.returncode != 0:
             sys.exit(done.stdout + done.stderr)
 
