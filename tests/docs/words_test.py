@@ -1,0 +1,163 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Goal: pages say things in short sentences and in the trade's words (CONTRIBUTING.md, "Language").
+Method: README.md, the other pages beside it and docs/*.md are read without code, tables and what a command prints.
+No paragraph or list item has more than 90 words. No sentence has more than 45, and of a page's sentences nine of ten
+have at most 30. No word of INSTEAD_OF is used. No line has more than 120 columns. A span of code counts as one word.
+Usage: words_test.py REPOSITORY [PAGE...]. Exit codes: 0 fine, 1 not: a line per finding, with file, line and how to
+correct it.
+"""
+import math
+import pathlib
+import re
+import sys
+
+MOST_WORDS_OF_A_PARAGRAPH = 90
+MOST_WORDS_OF_A_SENTENCE = 45
+MOST_WORDS_OF_NINE_IN_TEN = 30
+MOST_COLUMNS = 120
+
+# Pages that a command prints, whole or between two marks: they are corrected in that command's sources.
+PRINTED_PAGES = {
+    "docs/hazards.md": "build/release/bin/hazard_page",
+    "docs/policies-tried.md": "./dev tried",
+}
+PRINTED_PARTS = {
+    "docs/panels.md": (r"<!-- made by .*-->", r"<!-- end of what it made -->", "tests/docs/headline_table.py --write"),
+}
+# A release has at most 40 lines (pages_test.py): its lines may be long.
+LONG_LINES = {"CHANGELOG.md"}
+
+INSTEAD_OF = {
+    r"nobody": "name the process or part, or say what does not happen",
+    r"somebody|someone": "name the process, part or role (operator, user)",
+    r"anybody|anyone": "name the process, part or role (any user, any process)",
+    r"whoever": "name the process, part or role",
+    r"no number": "NaN",
+    r"mends?|mended|mending": "correct",
+    r"betrayals?|betrays?": "wrong protocol IDs; shows",
+    r"confess\w*": "report",
+    r"led to a posture": "driven to a posture",
+    r"(was|were|is|are) let go": "released",
+    r"the last word of": "the last answer of",
+    r"a person's wish": "operator input",
+    r"back in charge": "switch back to the configured policy",
+}
+
+
+def printed_part(name, lines):
+    """Line numbers, from 0, of what a command printed into the page."""
+    if name not in PRINTED_PARTS:
+        return set()
+    begin, end, _ = PRINTED_PARTS[name]
+    first = next(number for number, line in enumerate(lines) if re.match(begin, line))
+    last = next(number for number, line in enumerate(lines) if re.match(end, line))
+    return set(range(first, last + 1))
+
+
+def prose(name, text):
+    """(line number, line) of what a person wrote as sentences; (line number, "") where a paragraph ends."""
+    lines = text.splitlines()
+    skipped = printed_part(name, lines)
+    code = False
+    for number, line in enumerate(lines):
+        fence = line.lstrip().startswith("```")
+        code = code != fence
+        if fence or code or number in skipped or re.match(r"\s*(\||#|<!--|!\[)", line):
+            yield number + 1, ""
+        else:
+            yield number + 1, line
+
+
+def paragraphs(lines):
+    """(line number of the first line, [(line number, text)]) of each paragraph and list item."""
+    found = []
+    for number, line in lines:
+        item = re.match(r"\s*([-*]|\d+\.) +", line)
+        if found and (not line.strip() or item):
+            yield found
+            found = []
+        if line.strip():
+            found.append((number, line[item.end():] if item else line))
+    if found:
+        yield found
+
+
+def plain(text):
+    """Without marks: a span of code is one word, a link is its text."""
+    text = re.sub(r"``.+?``|`[^`]*`", "CODE", text)
+    text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text)
+    return re.sub(r"<[^>]*>|[*_|]", "", text)
+
+
+def words(text):
+    return [word for word in text.split() if re.search(r"\w", word)]
+
+
+def sentences(paragraph):
+    """(line number, words) of each sentence: it ends at . ! or ? before a capital, a digit, code or the paragraph's end."""
+    marked = " ".join(f"\x01{number}\x02 {line}" for number, line in paragraph)
+    marked = re.sub(r"\b(e\.g|i\.e|cf|vs|No)\.", r"\1", plain(marked))
+    number = paragraph[0][0]
+    for sentence in re.split(r"(?<=[.!?])[\")]*\s+(?=(?:\x01\d+\x02 *)?[\"(]*[A-Z0-9])", marked):
+        marks = re.findall(r"\x01(\d+)\x02", sentence)
+        if re.match(r"\s*\x01", sentence):
+            number = int(marks[0])
+        count = len(words(re.sub(r"\x01\d+\x02", "", sentence)))
+        if count:
+            yield number, count
+        number = int(marks[-1]) if marks else number
+
+
+def too_long(name, found):
+    lengths = []
+    for paragraph in found:
+        counted = list(sentences(paragraph))
+        total = sum(count for _, count in counted)
+        if total > MOST_WORDS_OF_A_PARAGRAPH:
+            yield (f"{name}:{paragraph[0][0]}: a paragraph of {total} words, at most {MOST_WORDS_OF_A_PARAGRAPH}: "
+                   "split it, or make a list of it")
+        for number, count in counted:
+            if count > MOST_WORDS_OF_A_SENTENCE:
+                yield f"{name}:{number}: a sentence of {count} words, at most {MOST_WORDS_OF_A_SENTENCE}: split it"
+        lengths += counted
+    longest = sorted((count for _, count in lengths), reverse=True)
+    allowed = len(longest) - math.ceil(0.9 * len(longest))
+    if longest and longest[allowed] > MOST_WORDS_OF_NINE_IN_TEN:
+        for number, count in lengths:
+            if count > MOST_WORDS_OF_NINE_IN_TEN:
+                yield (f"{name}:{number}: a sentence of {count} words on a page where more than one in ten has over "
+                       f"{MOST_WORDS_OF_NINE_IN_TEN}: split it")
+
+
+def unused_words(name, lines):
+    for number, line in lines:
+        for pattern, better in INSTEAD_OF.items():
+            for found in re.finditer(rf"\b(?:{pattern})\b", plain(line), re.IGNORECASE):
+                yield f"{name}:{number}: `{found.group()}` is not used: {better}"
+
+
+def too_wide(name, lines):
+    for number, line in lines:
+        if len(line) > MOST_COLUMNS and name not in LONG_LINES and " " in line.strip()[:MOST_COLUMNS]:
+            yield f"{name}:{number}: {len(line)} columns, at most {MOST_COLUMNS}: begin each sentence on a line of its own"
+
+
+def findings(root, page):
+    name = page.relative_to(root).as_posix()
+    if name in PRINTED_PAGES:
+        return []
+    lines = list(prose(name, page.read_text()))
+    return [*too_long(name, list(paragraphs(lines))), *unused_words(name, lines), *too_wide(name, lines)]
+
+
+def main():
+    root = pathlib.Path(sys.argv[1])
+    pages = [root / page for page in sys.argv[2:]] or [*sorted(root.glob("*.md")), *sorted((root / "docs").glob("*.md"))]
+    found = [finding for page in pages for finding in findings(root, page)]
+    print("\n".join(found) or f"{len(pages)} pages in short sentences and plain words")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
