@@ -95,11 +95,11 @@ def words(text):
 
 
 def sentences(paragraph):
-    """(line number, words) of each sentence: it ends at . ! or ? before a capital, a digit, code or the paragraph's end."""
+    """(line number, words) of each sentence: it ends at . ! or ? before a capital, a digit, code or a line's end."""
     marked = " ".join(f"\x01{number}\x02 {line}" for number, line in paragraph)
     marked = re.sub(r"\b(e\.g|i\.e|cf|vs|No)\.", r"\1", plain(marked))
     number = paragraph[0][0]
-    for sentence in re.split(r"(?<=[.!?])[\")]*\s+(?=(?:\x01\d+\x02 *)?[\"(]*[A-Z0-9])", marked):
+    for sentence in re.split(r"(?<=[.!?])[\")]*\s+(?=\x01|[\"(]*[A-Z0-9])", marked):
         marks = re.findall(r"\x01(\d+)\x02", sentence)
         if re.match(r"\s*\x01", sentence):
             number = int(marks[0])
