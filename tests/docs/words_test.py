@@ -59,11 +59,13 @@ def prose(name, text):
     """(line number, line) of what a person wrote as sentences; (line number, "") where a paragraph ends."""
     lines = text.splitlines()
     skipped = printed_part(name, lines)
-    code = False
+    code, before = False, ""
     for number, line in enumerate(lines):
         fence = line.lstrip().startswith("```")
         code = code != fence
-        if fence or code or number in skipped or re.match(r"\s*(\||#|<!--|!\[)", line):
+        indented = line.startswith("    ") and not before.strip()  # code by indentation
+        before = before if indented else line
+        if fence or code or indented or number in skipped or re.match(r"\s*(\||#|<!--|!\[)", line):
             yield number + 1, ""
         else:
             yield number + 1, line
