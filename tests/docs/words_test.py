@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Goal: pages say things in short sentences and in the trade's words (CONTRIBUTING.md, "Language").
-Method: README.md, the other pages beside it and docs/*.md are read without code and what a command prints, and but for
-single words without tables. No paragraph or list item has more than 90 words. No sentence has more than 45, and of a page's sentences nine of ten
-have at most 30. No word of INSTEAD_OF is used. No line has more than 120 columns. A span of code counts as one word.
+Method: README.md, the other pages beside it and docs/*.md are read without code and what a command prints; tables are
+read for single words only. No paragraph or list item has more than 90 words. No sentence has more than 45, and of a
+page's sentences nine of ten have at most 30. No word of INSTEAD_OF is used. Each sentence begins on a line of its own,
+of at most 120 columns. A span of code counts as one word.
 Usage: words_test.py REPOSITORY [PAGE...]. Exit codes: 0 fine, 1 not: a line per finding, with file, line and how to
 correct it.
 """
@@ -28,7 +29,7 @@ PRINTED_PARTS = {
                        (r"\| model \| velocity", r"$", "config/drives/make_presets.py")],
     "docs/panels.md": [(r"<!-- made by ", r"<!-- end of what it made", "tests/docs/headline_table.py --write")],
 }
-# A release has at most 40 lines (pages_test.py): its lines may be long.
+# A release has at most 40 lines (pages_test.py): its lines are long and hold several sentences.
 LONG_LINES = {"CHANGELOG.md"}
 
 INSTEAD_OF = {
@@ -146,10 +147,14 @@ def unused_words(name, lines):
                 yield f"{name}:{number}: `{found.group()}` is not used: {better}"
 
 
-def too_wide(name, lines):
+def lines_of_more(name, lines):
+    if name in LONG_LINES:
+        return
     for number, line in lines:
-        if len(line) > MOST_COLUMNS and name not in LONG_LINES and " " in line.strip()[:MOST_COLUMNS]:
-            yield f"{name}:{number}: {len(line)} columns, at most {MOST_COLUMNS}: begin each sentence on a line of its own"
+        if len(line) > MOST_COLUMNS and " " in line.strip()[:MOST_COLUMNS]:
+            yield f"{name}:{number}: {len(line)} columns, at most {MOST_COLUMNS}: begin a line at a sentence or a part of it"
+        if len(list(sentences([(number, re.sub(r"^\s*\d+\. ", "", line))]))) > 1:
+            yield f"{name}:{number}: two sentences on a line: begin each on a line of its own"
 
 
 def findings(root, page):
@@ -158,7 +163,7 @@ def findings(root, page):
         return []
     lines = list(prose(name, page.read_text()))
     sentences_only = without_tables(lines)
-    return [*too_long(name, list(paragraphs(sentences_only))), *unused_words(name, lines), *too_wide(name, sentences_only)]
+    return [*too_long(name, list(paragraphs(sentences_only))), *unused_words(name, lines), *lines_of_more(name, sentences_only)]
 
 
 def main():
