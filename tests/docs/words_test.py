@@ -45,6 +45,8 @@ INSTEAD_OF = {
     r"(was|were|is|are) let go": "released",
     r"the last word of": "the last answer of",
     r"a person's wish": "operator input",
+    r"(talks?|says?|speaks?) nonsense": "sends invalid commands",
+    r"need not stop by (itself|themselves)": "has no command timeout",
     r"back in charge": "switch back to the configured policy",
 }
 
