@@ -6,8 +6,8 @@ What was clean stays clean: a source is checked again only when it, one of the p
 settings or clang-tidy itself have changed. That is remembered per user, so that a fresh clone starts warm.
 On a machine that remembers nothing all of them take an hour of its processors. --for SECONDS begins with what changed
 last and leaves what it did not come to for the next time; it says how many.
-Usage: lint.py BUILD_FOLDER [--for SECONDS], from the project's top folder. Exit code 1 when something
-was found.
+Usage: lint.py BUILD_FOLDER [--for SECONDS], from the project's top folder; BUILD_FOLDER is configured, and need not be
+built. Exit code 1 when something was found.
 """
 import concurrent.futures
 import functools

@@ -22,7 +22,7 @@
 namespace takt::cli {
 namespace {
 
-constexpr Duration kReadyWithin = seconds(60);  // a network's library from a cold disk; who ends before is told at once
+constexpr Duration kReadyWithin = seconds(60);  // a network's library from a cold disk; an earlier end is told at once
 constexpr Duration kToldToWait = seconds(5);
 constexpr Duration kArmedWithin = seconds(10);
 constexpr Duration kTrackingWithin = seconds(10);
@@ -55,6 +55,21 @@ bool is_essential(ProcessName process) {
 }
 
 // A program's own exit code says more than ours when it is one of the documented ones.
+// What a process that hangs at its start has not done.
+std::string_view readiness_of(ProcessName process) {
+  switch (process) {
+    case ProcessName::plant:
+      return "it serves no bus or no camera; start it by hand to see what it waits for";
+    case ProcessName::executive:
+      return "it answers no request; start it by hand to see what it waits for";
+    case ProcessName::monitor:
+    case ProcessName::policy:
+    case ProcessName::fallback:
+      break;
+  }
+  return "it did not attach to the executive; start it by hand beside the robot to see what it waits for";
+}
+
 int exit_code_for(const ChildProcess& child) {
   const int code = child.exit_code().value_or(kExitFailed);
   if (code == 127) return kExitUnavailable;
@@ -239,9 +254,11 @@ Supervisor::Outcome Supervisor::wait_ready(ProcessName process) {
     if (processes_.is_ready(process, processes_.ask_status())) return {};
     if (auto paused = pause(now() + kPollEvery); !paused) return paused;
   }
+  const ChildProcess& child = *processes_.find(process);
   return std::unexpected(
-      End{kExitUnavailable, fmt::format("{} was not ready within {} s\n{}", label(process),
-                                        kReadyWithin.ns / seconds(1).ns, processes_.find(process)->last_words())});
+      End{kExitUnavailable,
+          fmt::format("{} ({}) was not ready within {} s: {}\n{}", label(process), child.options().arguments.front(),
+                      kReadyWithin.ns / seconds(1).ns, readiness_of(process), child.last_words())});
 }
 
 Supervisor::Outcome Supervisor::arm() {

@@ -36,7 +36,7 @@ bool write_whole(int fd, std::string_view text) {
 }
 
 std::string confession(std::uint64_t lines) {
-  return std::to_string(lines) + " log lines dropped: nobody read them in time\n";
+  return std::to_string(lines) + " log lines dropped: not read in time\n";
 }
 
 }  // namespace

@@ -58,7 +58,9 @@ def printed_lines(name, lines):
         first = next((number for number, line in enumerate(lines) if re.match(begin, line)), None)
         if first is None:
             sys.exit(f"{name}: what `{command}` prints is not found there: correct PRINTED_PARTS")
-        last = next(number for number, line in enumerate(lines) if number > first and re.match(end, line))
+        last = next((number for number, line in enumerate(lines) if number > first and re.match(end, line)), None)
+        if last is None:
+            sys.exit(f"{name}: the end of what `{command}` prints is not found there: correct PRINTED_PARTS")
         found |= set(range(first, last + 1))
     return found
 
