@@ -95,7 +95,7 @@ std::filesystem::path mesh_file(std::string_view named, const std::filesystem::p
   if (named.starts_with(kFile)) named.remove_prefix(kFile.size());
   const std::filesystem::path plain(named);
   if (!named.starts_with(kPackage)) {
-    const std::filesystem::path here = (folder / plain).lexically_normal();
+    std::filesystem::path here = (folder / plain).lexically_normal();
     if (elsewhere.empty()) return here;
     return first_of({here, elsewhere / plain.relative_path(), elsewhere / plain.filename()}, here);
   }
