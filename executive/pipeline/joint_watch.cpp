@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 
 #include "executive/pipeline/velocity_observer.hpp"
 
@@ -24,6 +26,11 @@ constexpr std::uint8_t kOfOutlier = 2;
 
 float seconds_of(Duration span) {
   return static_cast<float>(span.ns) * 1.0e-9F;
+}
+
+std::uint16_t milliseconds_up(Duration span) {
+  const std::int64_t whole = (span.ns + milliseconds(1).ns - 1) / milliseconds(1).ns;
+  return static_cast<std::uint16_t>(std::clamp<std::int64_t>(whole, 0, std::numeric_limits<std::uint16_t>::max()));
 }
 
 // -0 is not 0, and a NaN that stays is the same.
@@ -67,6 +74,7 @@ void begin(JointWatch& watch, const JointFeedback& reply) {
   watch.stretch = watch.stretch_moved = watch.stretch_told = 0.0F;
   watch.moved_told = watch.told_told = watch.went = 0.0F;
   watch.score = 0;
+  watch.waited_ms = 0;
   begin_stillness(watch, reply.received_at);
   begin_sameness(watch, reply.received_at);
   begin_waiting(watch);
@@ -75,8 +83,9 @@ void begin(JointWatch& watch, const JointFeedback& reply) {
 bool is_beyond_reach(const JointWatch& watch, const JointFeedback& reply, const JointLimits& limits,
                      const TickConfig& config) {
   if (config.feedback.jump <= 0.0F) return false;
-  // Stamps tell when a reply came, which is up to a period after its position was read.
-  const float dt = seconds_of(reply.received_at - watch.believed_at + config.period);
+  // Stamps tell when a reply came, which is up to a period after its position was read, and behind a gap later still.
+  const Duration waited = milliseconds(watch.waited_ms);
+  const float dt = seconds_of(reply.received_at - watch.believed_at + config.period + waited);
   return !(std::abs(reply.q - watch.q) <= limits.velocity_hard * dt + config.feedback.jump);
 }
 
@@ -175,9 +184,11 @@ void follow(JointWatch& watch, const JointFeedback& reply, const JointConfig& jo
   const bool same_velocity = is_same(reply.dq, watch.dq);
   const bool same_torque = is_same(reply.tau, watch.tau);
   if (!same_torque) watch.torque_lives = 1;
-  // What a joint did while it was not heard, its velocities at both ends do not say.
+  // What a joint did while it was not heard, its velocities at both ends do not say. Nor when the reply that ends the
+  // gap was read: it may have waited as long, so that the next one is not compared with it either.
   const bool is_gap = dt > kLongestStep * seconds_of(config.period) * static_cast<float>(joint.turns.every);
-  if (!is_gap) compare(watch, reply, joint.limits);
+  if (!is_gap && watch.waited_ms == 0) compare(watch, reply, joint.limits);
+  watch.waited_ms = is_gap ? milliseconds_up(reply.received_at - watch.believed_at) : std::uint16_t{0};
   const bool is_unchanged = is_still && same_torque && same_velocity;
   keep(watch, reply);
   if (watch.score > 0) --watch.score;

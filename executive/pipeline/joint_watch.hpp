@@ -2,12 +2,14 @@
 // Which replies of a joint's drive the tick believes, and when what they tell cannot be true. Pure.
 //
 // outlier      its position is further from the one before than the joint can get there: velocity_hard for the time
-//              between, and FeedbackLimits::jump. It does not reach the estimate, and is counted; until a believed
+//              between (behind a gap also for the gap, in which the reply before may have waited), and
+//              FeedbackLimits::jump. It does not reach the estimate, and is counted; until a believed
 //              reply follows, the joint is in doubt: it only damps
 // jumped       outliers one after the other (kLasting), or again and again: the position is another one now
 // contradicts  over about kFeedbackMemory_s the positions moved otherwise than the drive's own velocities say:
 //              wrong scale or sign, or one of the two stands still. By how far they went; and, of a joint that goes to
-//              and fro, by the slope of the one over the other, stretch by stretch (kStretch_s)
+//              and fro, by the slope of the one over the other, stretch by stretch (kStretch_s). Steps into a gap of
+//              more than three replies, and out of it, say nothing
 // frozen       one position from reply to reply (bit by bit),
 //              - while the drive's own velocities add up to a motion;
 //              - or velocity and torque stand still with it, while the torque that we ask for changed;
@@ -74,7 +76,7 @@ struct JointWatch {
   std::uint8_t in_doubt = 0;          // 1: the newest reply is an outlier
   std::uint8_t torque_lives = 0;      // 1: the torque that it tells has changed
   std::uint8_t moved_unheard = 0;     // 1: as ReplyFault says
-  std::uint8_t reserved[2] = {};
+  std::uint16_t waited_ms = 0;        // the newest believed reply ended a gap of so long, and may have waited as long
 };
 
 enum class Belief : std::uint8_t {

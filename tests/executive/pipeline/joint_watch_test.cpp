@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <functional>
@@ -498,6 +499,32 @@ TEST(JointWatch, AJointThatGoesToAndFroIsHeldAgainstTheSlope) {
     }
     EXPECT_TRUE(swing.is_wrong || margin_of(watch, joint, config).contradiction < 1.0F) << swing.name;
   }
+}
+
+// A machine, an adapter or a drive that stood still answers at last with what it read before, and is in time again with
+// the next reply: between these two the joint moves for the whole of the stall in one period.
+// Method: the knee of a walker, truly told, with a stall of 20 ms every 60 ms.
+TEST(JointWatch, AReplyThatWaitedBehindAStallContradictsNothing) {
+  const TickConfig config = robot_with(LoopAt::drive, true);
+  const JointConfig& joint = config.joints[kLiar];
+  constexpr int kEvery = 60, kStall = 20;  // ms
+  JointWatch watch;
+  float largest = 0;
+  for (int i = 0; i < 10'000; ++i) {
+    const int in_stall = i % kEvery - (kEvery - kStall);  // < 0: in time
+    if (in_stall >= 0 && in_stall < kStall - 1) continue;
+    const double t = 1e-3 * (in_stall == kStall - 1 ? i - kStall : i);  // when it was read
+    const double phase = 2 * std::numbers::pi * 2 * t;
+    JointFeedback told;
+    told.received_at = MonoTime{1'000'000'000 + std::int64_t{i} * 1'000'000};
+    told.q = static_cast<float>(0.4 * std::sin(phase));
+    told.dq = static_cast<float>(2 * std::numbers::pi * 2 * 0.4 * std::cos(phase));
+    told.tau = static_cast<float>(i % 7);
+    take_feedback(watch, told, told.received_at, joint, config);
+    ASSERT_EQ(feedback_faults(watch, told, told.received_at, config) & kImplausible, 0) << "after " << i << " ms";
+    largest = std::max(largest, margin_of(watch, joint, config).contradiction);
+  }
+  EXPECT_LT(largest, 0.5F) << "of what would be a contradiction";
 }
 
 }  // namespace
