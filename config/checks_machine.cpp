@@ -71,6 +71,22 @@ void check_pair_on_bus(const RobotConfig& robot, std::size_t i, std::size_t k, C
                               b.name, a.name, bus, clash->id, clash->extended ? " (29 bits)" : ""));
 }
 
+// What is known of drives: no more is believed of one.
+void check_position_after_power_up(const Drive& drive, std::size_t i, Checker& checker) {
+  using enum PositionAfterPowerUp;
+  const PositionAfterPowerUp said = drive.position_after_power_up;
+  const bool packed = has_packed_ranges(drive.protocol);
+  const std::string path = joint_path(i, "drive.position_after_power_up");
+  checker.require(packed || said == absolute || said == unknown, path,
+                  fmt::format("{} drives count from where they were switched on, or know their place; write unknown or "
+                              "absolute",
+                              name(drive.protocol)));
+  checker.require(said != one_of_several || drive.variant != "damiao", path,
+                  "one_of_several is for drives with one encoder, before the gear; write within_a_turn");
+  checker.require(drive.model != "CyberGear" || said == unknown, path,
+                  "a CyberGear forgets its zero with its supply, and cannot save it; write unknown");
+}
+
 void check_drive(const Joint& joint, const Bus& bus, std::size_t i, Checker& checker) {
   const Drive& drive = joint.drive;
   checker.require(drive.protocol != DriveProtocol::moteus || bus.fd, joint_path(i, "bus"),
@@ -79,13 +95,7 @@ void check_drive(const Joint& joint, const Bus& bus, std::size_t i, Checker& che
                   joint_path(i, "drive.mode"),
                   "makes the drive hold a position or speed of its own; a passive joint needs cst");
   checker.require(drive.direction != 0, joint_path(i, "drive.direction"), "0 is no direction; write 1 or -1");
-  const bool counts_from_anywhere = drive.position_after_power_up == PositionAfterPowerUp::unknown;
-  const bool counts_in_steps = drive.position_after_power_up == PositionAfterPowerUp::one_of_several;
-  checker.require(!counts_from_anywhere || drive.protocol == DriveProtocol::odrive,
-                  joint_path(i, "drive.position_after_power_up"),
-                  "unknown is for ODrives with an incremental encoder; write absolute or one_of_several");
-  checker.require(!counts_in_steps || drive.variant == "tmotor", joint_path(i, "drive.position_after_power_up"),
-                  "one_of_several is for T-Motor drives with one encoder; write absolute or, of an ODrive, unknown");
+  check_position_after_power_up(drive, i, checker);
   if (drive.protocol != DriveProtocol::mit) return;
   const DrivePreset* const preset = find_drive_preset(drive.protocol, drive.model);
   checker.require(preset == nullptr || preset->variant == drive.variant, joint_path(i, "drive.variant"),

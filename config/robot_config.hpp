@@ -20,9 +20,9 @@ enum class DriveProtocol : std::uint8_t { mit, robstride, odrive, moteus, cia402
 enum class Cia402Mode : std::uint8_t { csp, csv, cst };
 // What one count of a target velocity (object 60FF) means, motor side.
 enum class Cia402VelocityUnit : std::uint8_t { counts_per_s, rpm, tenth_rpm, hundredth_rpm, thousandth_rpm };
-// What a drive's position means after power-on: the joint's place, nothing, or one of several places that its encoder
-// cannot tell apart.
-enum class PositionAfterPowerUp : std::uint8_t { absolute, unknown, one_of_several };
+// What a drive's position means after power-on: the joint's place, nothing, one of several places that its encoder
+// cannot tell apart, or the place but for whole turns of its output.
+enum class PositionAfterPowerUp : std::uint8_t { absolute, unknown, one_of_several, within_a_turn };
 enum class WakeMode : std::uint8_t { sleep, hybrid };
 enum class WhenBusMissing : std::uint8_t { refuse, loopback };
 enum class Degraded : std::uint8_t { hold, slow, fallback };
@@ -173,7 +173,7 @@ struct Drive {
   // What the drive must tell of itself before it may be enabled, in the words of its drive card; "any": nothing.
   std::string identity;                                                           // damiao, robstride, moteus, cia402
   std::string firmware;                                                           // damiao, odrive, moteus, cia402
-  PositionAfterPowerUp position_after_power_up = PositionAfterPowerUp::absolute;  // mit (tmotor), odrive
+  PositionAfterPowerUp position_after_power_up = PositionAfterPowerUp::absolute;  // all but moteus
   std::uint32_t places_per_turn = 0;                                              // one_of_several only, of the joint
   // robstride: our own number on the bus
   std::uint32_t host_id = 0;

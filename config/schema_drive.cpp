@@ -14,7 +14,8 @@ namespace {
 constexpr std::array<std::string_view, 5> kProtocols{"mit", "robstride", "odrive", "moteus", "cia402"};
 constexpr std::array<std::string_view, 2> kVariants{"tmotor", "damiao"};
 constexpr std::array<std::string_view, 3> kCia402Modes{"csp", "csv", "cst"};
-constexpr std::array<std::string_view, 3> kPositionsAfterPowerUp{"absolute", "unknown", "one_of_several"};
+constexpr std::array<std::string_view, 4> kPositionsAfterPowerUp{"absolute", "unknown", "one_of_several",
+                                                                 "within_a_turn"};
 constexpr std::array<std::string_view, 5> kVelocityUnits{"counts_per_s", "rpm", "tenth_rpm", "hundredth_rpm",
                                                          "thousandth_rpm"};
 
@@ -103,14 +104,18 @@ void describe_packed_ranges(Fields& fields, Drive& drive) {
   range("kd_range", "mit, robstride: packed damping spans 0 to this", drive.kd_range, from.kd, Dimension::damping);
 }
 
-// moteus tells it; of Damiao, RobStride and CiA 402 no such drives are known. Where it can be either, a person says it:
-// a joint that stands elsewhere than it is taken to has no limits.
+// moteus tells it. Damiao and RobStride know their place within a turn, and limits mostly tell the turn. Where it can
+// be either, a person says it: a joint that stands elsewhere than it is taken to has no limits.
 void describe_position_after_power_up(Fields& fields, Drive& drive) {
-  fields.choice(
-      {"position_after_power_up",
-       "mit (tmotor), odrive: absolute, the drive knows where the joint is; unknown (odrive, incremental "
-       "encoder) or one_of_several (tmotor, one encoder before the gear): not armed before `takt joint home`"},
-      drive.position_after_power_up, kPositionsAfterPowerUp);
+  std::optional<std::string_view> otherwise;
+  if (drive.variant == "damiao" || drive.protocol == DriveProtocol::robstride) otherwise = "within_a_turn";
+  if (fields.shows_all()) otherwise = "the protocol's";
+  fields.choice({"position_after_power_up",
+                 "all but moteus, what a reading is worth after power-on: absolute, the joint's angle; within_a_turn, "
+                 "right but for whole turns; one_of_several, but for smaller steps; unknown, nothing. In doubt, `takt "
+                 "joint home` comes before arming. mit (damiao), robstride: within_a_turn; the others: required",
+                 otherwise},
+                drive.position_after_power_up, kPositionsAfterPowerUp);
   if (drive.position_after_power_up == PositionAfterPowerUp::one_of_several || fields.shows_all())
     fields.integer({"places_per_turn",
                     "one_of_several: how many places of a whole turn of the joint the drive cannot tell apart (AK80-9: "
@@ -182,7 +187,7 @@ void describe_drive(Fields& fields, Drive& drive) {
                  "drive card shows it; any: not compared",
                  "any"},
                 drive.firmware);
-  if (drive.variant == "tmotor" || speaks.any_of({DriveProtocol::odrive}))
+  if (speaks.any_of({DriveProtocol::mit, DriveProtocol::robstride, DriveProtocol::odrive, DriveProtocol::cia402}))
     describe_position_after_power_up(fields, drive);
   fields.integer({"direction", "1 or -1: q_joint = direction * q_motor / gear_ratio + offset", "1"}, drive.direction,
                  -1, 1);

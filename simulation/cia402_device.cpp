@@ -256,7 +256,9 @@ void Cia402Device::note_error(std::uint16_t code, std::uint8_t error_register) {
 }
 
 double Cia402Device::update(MotorReading reading, MonoTime now, Duration step, Frames& out) {
-  reading_ = reading;
+  if (!origin_)
+    origin_ = drive_.position_after_power_up == config::PositionAfterPowerUp::unknown ? reading.position : 0;
+  reading_ = {reading.position - *origin_, reading.velocity};
   if (nmt_ == Nmt::booting && now >= booted_at_) {
     nmt_ = Nmt::pre_operational;
     heartbeat_at_ = now;
@@ -406,6 +408,7 @@ void Cia402Device::power_cycle(MonoTime now) {
   pending_rpdo_.reset();
   commanded_at_.reset();
   host_heard_at_.reset();
+  origin_.reset();
   emergencies_.clear();
   velocity_integral_ = torque_ = 0;
 }

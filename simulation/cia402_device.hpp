@@ -13,7 +13,8 @@
 // operational with operation enabled (EMCY 8100). A fault reset clears lost ones and errors alike. Besides, where
 // 1016:01 names a node: its heartbeat, from the first one on; out of time is EMCY 8130 and lost as well, unless 6007 is
 // 0. `watchdog` is what the drive has stored in 1400:05 before the host writes its own. Max torque (6072) holds the
-// torque down, and shows in statusword bit 11. In position mode a motor further from its target than 6065, for 6066,
+// torque down, and shows in statusword bit 11. One whose position_after_power_up is unknown counts from where it was
+// switched on. In position mode a motor further from its target than 6065, for 6066,
 // faults (8611). What drives differ in: cia402_profile.hpp.
 #pragma once
 
@@ -77,8 +78,9 @@ class Cia402Device final : public Device {
   std::optional<MonoTime> behind_since_;   // further from its target than 6065
   bool limited_ = false;                   // by 6072
   MonoTime booted_at_, heartbeat_at_;
-  Frames emergencies_;  // not sent yet
-  MotorReading reading_;
+  Frames emergencies_;            // not sent yet
+  std::optional<double> origin_;  // rad, what it counts from; unset: since power-on it has not looked
+  MotorReading reading_;          // from there
   double torque_ = 0;
   double velocity_integral_ = 0;  // Nm
 };

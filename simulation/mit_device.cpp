@@ -45,9 +45,10 @@ MitDevice::MitDevice(const config::Drive& drive, Duration watchdog)
       kp_range_(drive.kp_range),
       kd_range_(drive.kd_range),
       torque_range_(drive.torque_range),
-      place_step_(drive.position_after_power_up == config::PositionAfterPowerUp::one_of_several
+      worth_(drive.position_after_power_up),
+      place_step_(worth_ == config::PositionAfterPowerUp::one_of_several
                       ? 2 * std::numbers::pi / drive.places_per_turn * drive.gear_ratio
-                      : 0),
+                      : 2 * std::numbers::pi),
       registers_(drive, watchdog) {}
 
 // CAN FD is the classic frame in another form, asked and answered in it.
@@ -137,7 +138,7 @@ MitDevice::Command MitDevice::unpack(std::uint64_t word) const {
 }
 
 double MitDevice::update(MotorReading reading, MonoTime now, Duration step, Frames& /*out*/) {
-  if (!knows_place_) forget_steps(reading.position);
+  if (!knows_place_) forget_place(reading.position);
   reading_ = {reading.position - zero_, reading.velocity};
   if (state_ == DeviceState::booting && now >= booted_at_) state_ = DeviceState::disabled;
   if (state_ == DeviceState::enabled && is_silent_for_too_long(now)) state_ = DeviceState::lost;
@@ -160,10 +161,20 @@ double MitDevice::update(MotorReading reading, MonoTime now, Duration step, Fram
   return torque_;
 }
 
-// After power-on the nearest of the places that its encoder cannot tell apart.
-void MitDevice::forget_steps(double position) {
+// After power-on: the nearest of the places that its encoder cannot tell apart, or none but where it stands.
+void MitDevice::forget_place(double position) {
   knows_place_ = true;
-  if (place_step_ > 0) zero_ += place_step_ * std::round((position - zero_) / place_step_);
+  switch (worth_) {
+    case config::PositionAfterPowerUp::absolute:
+      break;
+    case config::PositionAfterPowerUp::unknown:
+      zero_ = position;
+      break;
+    case config::PositionAfterPowerUp::one_of_several:
+    case config::PositionAfterPowerUp::within_a_turn:
+      zero_ += place_step_ * std::round((position - zero_) / place_step_);
+      break;
+  }
 }
 
 bool MitDevice::inject(DeviceFault fault) {

@@ -7,6 +7,7 @@
 // D lost, else an error's code. A T-Motor drive has no word for them in its 6 bytes; there FD and FC bring a lost one
 // back. The watchdog counts motion commands only. A Damiao drive has registers besides (damiao_register_file.hpp),
 // which hold what its fields span, its control mode and its watchdog's time: it obeys motion commands in mode 1 only.
+// With its supply it forgets of its place what position_after_power_up says; the zero that was set stays.
 #pragma once
 
 #include "simulation/damiao_register_file.hpp"
@@ -28,7 +29,7 @@ class MitDevice final : public Device {
   struct Command {
     double p = 0, v = 0, kp = 0, kd = 0, t = 0;
   };
-  void forget_steps(double position);
+  void forget_place(double position);
   void obey(const drivers::CanFrame& frame, MonoTime now);
   void obey_special(std::uint8_t code, MonoTime now);
   [[nodiscard]] Command unpack(std::uint64_t word) const;
@@ -43,7 +44,8 @@ class MitDevice final : public Device {
   std::uint32_t id_, reply_id_;
   bool damiao_, fd_;
   double kp_range_, kd_range_, torque_range_;
-  double place_step_;  // rad, between places that its encoder cannot tell apart after power-on; 0: it can
+  config::PositionAfterPowerUp worth_;
+  double place_step_;  // rad, between places that its encoder cannot tell apart after power-on, if there are such
   DeviceState state_ = DeviceState::disabled;
   std::uint8_t error_ = 0;
   Command command_;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <numbers>
 #include <string>
 
 namespace takt::plant {
@@ -34,7 +35,8 @@ enum Parameter : std::uint16_t {
   kMechanicalPosition = 0x7019,
   kMechanicalVelocity = 0x701B,
   kBusVoltage = 0x701C,
-  kCanTimeout = 0x7028  // RobStride
+  kCanTimeout = 0x7028,  // RobStride, as the next one
+  kZeroState = 0x7029
 };
 
 constexpr std::int64_t kTimeoutUnit_ns = 50'000;
@@ -94,8 +96,9 @@ void RobstrideDevice::start_up() {
   if (is_cybergear())
     written_[kStoredTimeout] = static_cast<std::uint32_t>(watchdog_.ns / kTimeoutUnit_ns);
   else
-    written_[kCanTimeout] = 0;
+    written_.insert({{kCanTimeout, 0}, {kZeroState, saved_zero_state_}});
   zero_ = saved_zero_;
+  knows_place_ = false;
   faults_ = 0;
   report_due_ = false;
   command_ = {};
@@ -172,13 +175,37 @@ void RobstrideDevice::write(const drivers::CanFrame& frame) {
   if (found == written_.end()) return;
   std::uint32_t value = 0;
   for (int i = 7; i >= 4; --i) value = value * 256 + frame.data[i];
-  found->second = found->first == kRunMode ? value % 256 : value;
+  const bool is_byte = found->first == kRunMode || found->first == kZeroState;
+  found->second = is_byte ? value % 256 : value;
 }
 
 void RobstrideDevice::save(const drivers::CanFrame& frame) {
   for (std::uint8_t i = 0; i < 8; ++i)
     if (frame.data[i] != i + 1) return;
-  if (!is_cybergear()) saved_zero_ = zero_;
+  if (is_cybergear()) return;
+  saved_zero_ = zero_;
+  saved_zero_state_ = written_.at(kZeroState);
+}
+
+void RobstrideDevice::forget_place(double position) {
+  constexpr double kTurn = 2 * std::numbers::pi;
+  knows_place_ = true;
+  const double turns = (position - zero_) / kTurn;
+  const bool counts_from_zero = !is_cybergear() && written_.at(kZeroState) == 0;
+  const double places = drive_.places_per_turn / drive_.gear_ratio;
+  switch (drive_.position_after_power_up) {
+    case config::PositionAfterPowerUp::absolute:
+      break;
+    case config::PositionAfterPowerUp::unknown:
+      zero_ = position;
+      break;
+    case config::PositionAfterPowerUp::one_of_several:
+      zero_ += kTurn / places * std::round(turns * places);
+      break;
+    case config::PositionAfterPowerUp::within_a_turn:
+      zero_ += kTurn * (counts_from_zero ? std::floor(turns) : std::round(turns));
+      break;
+  }
 }
 
 std::optional<std::uint32_t> RobstrideDevice::parameter(std::uint16_t index) const {
@@ -195,6 +222,7 @@ bool RobstrideDevice::is_silent_for_too_long(MonoTime now) const {
 }
 
 double RobstrideDevice::update(MotorReading reading, MonoTime now, Duration step, Frames& out) {
+  if (!knows_place_) forget_place(reading.position);
   reading_ = {reading.position - zero_, reading.velocity};
   if (state_ == DeviceState::booting && now >= booted_at_) state_ = DeviceState::disabled;
   if (state_ == DeviceState::enabled && is_silent_for_too_long(now)) state_ = DeviceState::lost;

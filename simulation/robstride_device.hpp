@@ -8,8 +8,10 @@
 // given. Asked for a parameter that it does not have, a CyberGear says nothing, another answers that the reading
 // failed. Motion commands and enabling feed it, telemetry does not. An error is reported once by itself (21) as well.
 // Everything written is lost at power-off, the zero included unless a save (22) followed it, which a CyberGear does not
-// know. Only run mode 0 moves. Source: belovictor/cybergear-docs
-// instructionmanual/instructionmanual.md, section 4; for 7028 and failed readings the makers' manuals of RS00 to RS06.
+// know. Of its place it forgets what position_after_power_up says; of one within a turn, parameter 7029 says which turn
+// it begins in: 0, as delivered, 0 to 2 pi; 1: -pi to pi. Only run mode 0 moves. Source: belovictor/cybergear-docs
+// instructionmanual/instructionmanual.md, section 4; for 7028 and failed readings the makers' manuals of RS00 to RS06;
+// for 7029 motorbridge.seeedstudio.com reference/robstride-parameter-tables.
 #pragma once
 
 #include <map>
@@ -34,6 +36,7 @@ class RobstrideDevice final : public Device {
     double p = 0, v = 0, kp = 0, kd = 0, t = 0;
   };
   void start_up();
+  void forget_place(double position);
   void move(const drivers::CanFrame& frame, MonoTime now);
   void enable(MonoTime now);
   void stop(bool clear_faults);
@@ -61,7 +64,9 @@ class RobstrideDevice final : public Device {
   MonoTime commanded_at_, booted_at_;
   MotorReading reading_;  // as reported: relative to the zero that was set
   double zero_ = 0;
-  double saved_zero_ = 0;  // what it begins with after power-on
+  double saved_zero_ = 0;  // what it begins with after power-on, as the next one
+  std::uint32_t saved_zero_state_ = 0;
+  bool knows_place_ = false;  // since power-on
   double torque_ = 0;
   Winding winding_;
 };

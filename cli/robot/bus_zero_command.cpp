@@ -32,7 +32,8 @@ std::expected<int, Refusal> set_zero(const BusZeroOptions& options) {
   const auto alone = require_alone(*robot);
   if (!alone) return std::unexpected(alone.error());
   const config::Joint& joint = robot->config.joints[*index];
-  if (drivers::forgets_home(joint.drive))
+  if (drivers::forgets_home(joint.drive) &&
+      joint.drive.position_after_power_up != config::PositionAfterPowerUp::within_a_turn)
     return std::unexpected(
         Refusal{kExitFailed,
                 fmt::format("joint {}: its drive forgets its zero with its supply, so it is told at every power-up: "
@@ -65,9 +66,10 @@ std::expected<int, Refusal> set_zero(const BusZeroOptions& options) {
     return std::unexpected(
         Refusal{kExitFailed,
                 fmt::format("joint {} still reads {:.4f} rad: its drive did not take it", joint.name, listener.q())});
-  fmt::print("joint {} read {:.4f} rad and reads {:.4f} rad now\n", joint.name, before, listener.q());
-  if (!drivers::keeps_zero(joint.drive))
-    fmt::print("its drive forgets this with its supply: after every power-up, set it again before you arm\n");
+  const bool is_saved = joint.drive.protocol == config::DriveProtocol::robstride;
+  fmt::print("joint {} read {:.4f} rad and reads {:.4f} rad now; {}\n", joint.name, before, listener.q(),
+             is_saved ? "its drive was told to save it (type 22)"
+                      : "its drive should keep it: look again after its next power-on");
   return kExitOk;
 }
 
@@ -83,7 +85,8 @@ void add_bus_zero(CLI::App& bus, int& exit_code) {
   command->add_flag("--yes", options->yes, "do it; without, only what would happen is said");
   command->footer(
       "Example: takt bus zero elbow --robot robot.yaml --yes\n"
-      "Drives that forget it with their supply (moteus, position_after_power_up): takt joint home.\n"
+      "Drives that forget it with their supply (moteus, position_after_power_up: unknown or one_of_several): takt "
+      "joint home.\n"
       "Protocols without such a frame (odrive, cia402): the `offset` to write into the robot file is printed.\n"
       "Exit codes: 0 done or said, 1 refused or the drive did not take it, 64 command line, 65 configuration, 69 the "
       "bus "

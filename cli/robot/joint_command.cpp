@@ -8,12 +8,14 @@
 #include <cstdio>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "cli/command.hpp"
 #include "cli/quantity_option.hpp"
 #include "cli/robot/direct_bus.hpp"
 #include "config/load.hpp"
+#include "drivers/protocol/home_note.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "drivers/tools/degrees.hpp"
 #include "drivers/tools/joint_jog.hpp"
@@ -43,7 +45,9 @@ class Drives {
     std::size_t bus = 0;
   };
 
-  static std::expected<Drives, Refusal> open(const DirectRobot& robot, std::size_t jogged, bool all) {
+  // `robot`: by `notes`.
+  static std::expected<Drives, Refusal> open(const DirectRobot& robot, std::size_t jogged, bool all,
+                                             std::span<const std::optional<drivers::HomeNote>> notes) {
     Drives opened;
     opened.buses_.resize(robot.config.buses.size());
     for (std::size_t joint = 0; joint < robot.config.joints.size(); ++joint) {
@@ -54,6 +58,7 @@ class Drives {
           all ? drivers::make_joint_driver(robot.config, joint) : drivers::make_lone_driver(robot.config, joint);
       if (!driver) return std::unexpected(Refusal{config::kExitBadConfiguration, driver.error()});
       drive.driver = std::move(*driver);
+      if (notes[joint]) drive.driver->assume_home(static_cast<float>(notes[joint]->left_at), drivers::kMayHaveMoved);
       if (opened.buses_[drive.bus] != nullptr) continue;
       auto bus = open_bus(robot, drive.bus);
       if (!bus) return std::unexpected(bus.error());
@@ -97,6 +102,14 @@ class Drives {
   std::array<drivers::ReceivedFrame, 64> received_;
   std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out_;
 };
+
+// What a person said of the joint holds on where it was moved to, for its drive was heard all the way. A note that
+// cannot be written is asked for again.
+void keep_home(const DirectRobot& robot, std::size_t joint, drivers::HomeNote note, const JointFeedback& feedback) {
+  if (drivers::kind_of(feedback.error_code) == drivers::SetupFault::home_unknown) return;
+  note.left_at = double{feedback.q};
+  (void)drivers::write_home_note(robot.runtime_directory, robot.config, joint, note);
+}
 
 drivers::GravityTerm gravity_at(std::size_t joint, const config::RobotConfig& robot, const Drives& drives) {
   const auto torques = std::make_shared<const config::HoldingTorques>(robot);
@@ -155,7 +168,7 @@ int report(const drivers::JointJog& jog, const JointOptions& options) {
 }
 
 std::expected<int, Refusal> jog(const JointOptions& options) {
-  const auto robot = load_robot(options.robot_file, options.runtime_dir);
+  auto robot = load_robot(options.robot_file, options.runtime_dir);
   if (!robot) return std::unexpected(robot.error());
   const auto index = find_joint(*robot, options.joint);
   if (!index) return std::unexpected(index.error());
@@ -171,7 +184,9 @@ std::expected<int, Refusal> jog(const JointOptions& options) {
     return std::unexpected(
         Refusal{kExitUsage, fmt::format("--torque {} Nm exceeds limits.torque {} Nm of {}", torque, most, joint.name)});
   const bool carries = robot->config.model.has_value() && !options.without_gravity;
-  auto drives = Drives::open(*robot, *index, carries);
+  const auto notes = drivers::home_notes(robot->runtime_directory, robot->config);
+  robot->config = drivers::homed_robot(robot->config, notes);
+  auto drives = Drives::open(*robot, *index, carries, notes);
   if (!drives) return std::unexpected(drives.error());
   const drivers::JogWish wish{options.by_degrees * drivers::kDegree, options.speed_degrees * drivers::kDegree, torque};
   drivers::JointJog moving(joint, wish, drives->driver(*index),
@@ -179,6 +194,7 @@ std::expected<int, Refusal> jog(const JointOptions& options) {
   const auto permission = permit_torque(robot->config);
   if (!permission) return std::unexpected(permission.error());
   run(moving, *index, *drives, robot->config.control.period);
+  if (const auto& note = notes[*index]) keep_home(*robot, *index, *note, drives->driver(*index).feedback());
   return report(moving, options);
 }
 

@@ -8,6 +8,7 @@
 #include <csignal>
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include "cli/command.hpp"
 #include "cli/quantity_option.hpp"
@@ -64,6 +65,14 @@ std::expected<void, Refusal> confirm(const config::Joint& joint, DriveListener& 
                                                     (listener.q() - before) / drivers::kDegree)));
 }
 
+// Of a drive within a turn whose limits tell the turn: where it is by itself.
+std::optional<double> place_by_limits(const config::Joint& joint, const JointFeedback& feedback) {
+  const bool is_it = joint.drive.position_after_power_up == config::PositionAfterPowerUp::within_a_turn &&
+                     joint.drive.protocol != config::DriveProtocol::moteus;
+  const bool in_doubt = drivers::kind_of(feedback.error_code) == drivers::SetupFault::home_unknown;
+  return is_it && !in_doubt ? std::optional(double{feedback.q}) : std::nullopt;
+}
+
 // The joint is at `at`: asked for, told to the drive or kept.
 std::expected<int, Refusal> make_known(const DirectRobot& robot, std::size_t index, double at, drivers::CanBus& bus,
                                        DriveListener& listener) {
@@ -71,9 +80,9 @@ std::expected<int, Refusal> make_known(const DirectRobot& robot, std::size_t ind
   const auto frame = drivers::home_frame(joint, at);
   double shift = 0;
   if (!frame) {
-    const auto steps = drivers::steps_between(joint, listener.q(), at);
-    if (!steps) return std::unexpected(refusal(joint, steps.error()));
-    shift = *steps;
+    const auto found = drivers::shift_between(joint, listener.q(), at);
+    if (!found) return std::unexpected(refusal(joint, found.error()));
+    shift = *found;
   }
   fmt::print("joint {} reads {:.2f} deg; type its name and Enter if it is at {:.2f} deg:\n", joint.name,
              listener.q() / drivers::kDegree, (frame ? at : listener.q() + shift) / drivers::kDegree);
@@ -157,6 +166,13 @@ std::expected<int, Refusal> home(const HomeOptions& options) {
   if (!bus) return std::unexpected(bus.error());
   DriveListener listener(**bus, **driver, robot->config.control.period);
   if (!listener.wait_until_disabled()) return std::unexpected(refusal(joint, listener.why_not_disabled(joint.drive)));
+  if (const auto place = place_by_limits(joint, listener.feedback())) {
+    fmt::print(
+        "joint {} is at {:.2f} deg: of the turns that its drive cannot tell apart, limits.position leaves that one.\n"
+        "Nothing is to be said; if you see it elsewhere, its zero is wrong: takt bus zero\n",
+        joint.name, *place / drivers::kDegree);
+    return kExitOk;
+  }
   if (options.to_stop.empty()) return make_known(*robot, *index, at, **bus, listener);
   const auto stop_at = lead_to_stop(*robot, *index, options, **bus, **driver);
   if (!stop_at) return std::unexpected(stop_at.error());
@@ -192,9 +208,9 @@ void add_joint_home(CLI::App& joint, int& exit_code) {
       "Hold the joint at a place that you know; the drive stays disabled. With --to-stop it is enabled and led to its "
       "stop:\n"
       "gravity is not carried, and what is odd lets it go. Then you are asked to type the joint's name. A moteus\n"
-      "and an ODrive keep it until their supply goes; of a T-Motor drive that cannot tell several places apart the one "
-      "nearest\n"
-      "to --at is meant, and kept for the next start of the executive.\n"
+      "and an ODrive keep it until their supply goes. Of others it is kept for the next start of the executive; of a "
+      "drive\n"
+      "that cannot tell several places apart, the one nearest to --at is meant.\n"
       "Exit codes: 0 known now, 1 refused, in doubt, not confirmed, or the drive did not take it, 64 command line, 65 "
       "configuration,\n"
       "69 the bus is not there.");

@@ -27,13 +27,16 @@ guard::Demand read(const guard::JointFacts& facts, const CanFrame& frame) noexce
 }  // namespace
 
 WireGuard::WireGuard(const config::RobotConfig& robot) : feedback_timeout_(robot.feedback.timeout) {
-  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
-    joints_.push_back({guard::facts_of(robot, joint), {}});
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
+    const guard::JointFacts facts = guard::facts_of(robot, joint);
+    joints_.push_back({facts, {}, facts.offset});
+  }
 }
 
 WireVerdict WireGuard::pass(std::size_t joint, std::size_t bus, const GuardedMoment& moment, const JointRecord& record,
                             CanFrame& frame) noexcept {
-  auto& [facts, last] = joints_[joint];
+  auto& [facts, last, offset] = joints_[joint];
+  facts.offset = offset + moment.shift;
   const MonoTime sensed = record.feedback.received_at;
   const bool heard = sensed.is_set() && moment.decided_at - sensed <= feedback_timeout_;
   const guard::Demand demand = bus == facts.bus ? read(facts, frame) : guard::Demand{};

@@ -51,6 +51,7 @@ struct GuardedMoment {
   MonoTime now;          // of the write
   MonoTime valid_until;  // until when the decision may be obeyed
   bool enabled = false;  // this joint's drive
+  float shift = 0;       // rad, joint side: what its drive's readings are off by since power-on
 };
 
 // The port that the edge to the drives sends through.
@@ -71,8 +72,9 @@ class WireGuard final : public FrameGuard {
 
  private:
   struct Guarded {
-    guard::JointFacts facts;
+    guard::JointFacts facts;  // its offset: with the shift of the newest frame
     guard::LastTold last;
+    float offset = 0;  // by the robot file
   };
   std::vector<Guarded> joints_;
   Duration feedback_timeout_;

@@ -4,22 +4,16 @@
 #pragma once
 
 #include <cmath>
-#include <limits>
 #include <optional>
 
 namespace takt::drivers {
 
 class AssumedHome {
  public:
-  // `longest_jump`: more than that between two readings, and the drive counts from elsewhere than before.
-  explicit AssumedHome(float longest_jump = std::numeric_limits<float>::infinity()) noexcept
-      : longest_jump_(longest_jump) {}
   void assume(float q, float tolerance) noexcept { expected_ = Expected{q, tolerance}; }
   void take(float q) noexcept {
-    if (known_ && !(std::abs(q - last_) <= longest_jump_)) known_ = false;
     if (expected_) known_ = std::abs(q - expected_->q) <= expected_->tolerance;
     expected_.reset();
-    last_ = q;
   }
   void forget() noexcept { known_ = false; }
   [[nodiscard]] bool known() const noexcept { return known_; }
@@ -28,9 +22,7 @@ class AssumedHome {
   struct Expected {
     float q = 0, tolerance = 0;
   };
-  float longest_jump_;
   std::optional<Expected> expected_;  // to be compared with the next reading
-  float last_ = 0;
   bool known_ = false;
 };
 

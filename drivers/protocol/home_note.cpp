@@ -28,7 +28,8 @@ std::int64_t since_boot_ns() {
 }
 
 bool cannot_be_told(const config::Drive& drive) {
-  return drive.position_after_power_up == config::PositionAfterPowerUp::one_of_several;
+  return drive.position_after_power_up != config::PositionAfterPowerUp::absolute &&
+         drive.protocol != config::DriveProtocol::odrive && drive.protocol != config::DriveProtocol::moteus;
 }
 
 std::optional<HomeNote> read_note(const std::string& path, const config::RobotConfig& robot) {
@@ -61,19 +62,32 @@ std::expected<void, std::string> write_home_note(const std::string& runtime_dire
   return {};
 }
 
+std::vector<std::optional<HomeNote>> home_notes(const std::string& runtime_directory,
+                                                const config::RobotConfig& robot) {
+  std::vector<std::optional<HomeNote>> notes;
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
+    notes.push_back(cannot_be_told(robot.joints[joint].drive) ? read_note(file_of(runtime_directory, joint), robot)
+                                                              : std::nullopt);
+  return notes;
+}
+
 std::vector<std::optional<HomeNote>> take_home_notes(const std::string& runtime_directory,
                                                      const config::RobotConfig& robot) {
-  std::vector<std::optional<HomeNote>> notes;
+  auto notes = home_notes(runtime_directory, robot);
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
-    notes.emplace_back();
     if (!cannot_be_told(robot.joints[joint].drive)) continue;
-    const std::string path = file_of(runtime_directory, joint);
-    const auto note = read_note(path, robot);
     std::error_code failed;
-    const bool gone = std::filesystem::remove(path, failed);
-    if (gone) notes.back() = note;
+    const bool gone = std::filesystem::remove(file_of(runtime_directory, joint), failed);
+    if (!gone) notes[joint].reset();  // it would hold again and again
   }
   return notes;
+}
+
+config::RobotConfig homed_robot(const config::RobotConfig& robot, std::span<const std::optional<HomeNote>> notes) {
+  config::RobotConfig homed = robot;
+  for (std::size_t joint = 0; joint < notes.size(); ++joint)
+    if (notes[joint]) homed.joints[joint].drive.offset += notes[joint]->shift;
+  return homed;
 }
 
 }  // namespace takt::drivers

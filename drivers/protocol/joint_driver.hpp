@@ -120,6 +120,8 @@ class JointDriver {
   // holds if the next reading is within `tolerance` of q, and until the drive may have lost it. rad, joint side; an
   // infinite tolerance: wherever it is. Set-up only.
   virtual void assume_home(float /*q*/, float /*tolerance*/) noexcept {}
+  // What it adds to the robot file's offset since power-on (PlacedDriver); rad, joint side.
+  [[nodiscard]] virtual float shift() const noexcept { return 0; }
   // True when the frame is this drive's; updates feedback.
   virtual bool decode(const ReceivedFrame& received) noexcept = 0;
   [[nodiscard]] virtual const JointFeedback& feedback() const noexcept = 0;

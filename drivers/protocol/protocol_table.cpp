@@ -9,6 +9,7 @@
 #include "drivers/protocol/mit/mit_driver.hpp"
 #include "drivers/protocol/moteus/moteus_driver.hpp"
 #include "drivers/protocol/odrive/odrive_driver.hpp"
+#include "drivers/protocol/placed_driver.hpp"
 #include "drivers/protocol/robstride/robstride_driver.hpp"
 
 namespace takt::drivers {
@@ -74,7 +75,9 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_joint_driver(const
   if (protocol == nullptr) return refusal("this build does not speak " + std::string(config::name(drive.protocol)));
   auto driver = protocol->make(robot, joint);
   if (!driver) return refusal(driver.error());
-  return driver;
+  const auto rule = place_rule(robot, joint);
+  if (!rule) return driver;
+  return std::make_unique<PlacedDriver>(*rule, std::move(*driver));
 }
 
 std::expected<std::unique_ptr<JointDriver>, std::string> make_lone_driver(const config::RobotConfig& robot,

@@ -236,18 +236,12 @@ std::vector<CanFrame> robstride_zero_frames(const config::Drive& drive) {
   constexpr std::uint32_t kSetZero = 6, kSave = 22;
   CanFrame zero = robstride_frame(drive, kSetZero);
   zero.data[0] = 1;
-  if (!keeps_zero(drive)) return {zero};
   CanFrame save = robstride_frame(drive, kSave);
   std::iota(save.data, save.data + save.length, std::uint8_t{1});
   return {zero, save};
 }
 
 }  // namespace
-
-bool keeps_zero(const config::Drive& drive) {
-  return drive.protocol == config::DriveProtocol::mit ||
-         (drive.protocol == config::DriveProtocol::robstride && drive.model != "CyberGear");
-}
 
 std::vector<CanFrame> zero_frames(const config::Drive& drive) {
   CanFrame frame;

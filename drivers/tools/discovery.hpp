@@ -35,10 +35,9 @@ std::optional<Found> read_answer(config::DriveProtocol protocol, const CanFrame&
 
 // Make the drive's present position its zero, sent in this order; none: the protocol has no such frame, or none that
 // outlives power-on (home_place.hpp). The drive must be disabled. A RobStride forgets its zero with its supply unless
-// it is told to save (type 22, data 01 to 08; source: motorbridge.seeedstudio.com, RobStride parameter tables).
+// it is told to save (type 22, data 01 to 08; source: motorbridge.seeedstudio.com, RobStride parameter tables), which a
+// CyberGear does not know.
 std::vector<CanFrame> zero_frames(const config::Drive& drive);
-// Whether the zero of zero_frames() outlives power-off. A CyberGear has no frame that saves.
-bool keeps_zero(const config::Drive& drive);
 
 // A scan of one bus: hands out questions one by one and collects answers. For drives that speak by themselves it only
 // listens, so let it listen for kListen after the last question.

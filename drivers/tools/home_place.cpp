@@ -8,12 +8,14 @@
 
 #include "drivers/protocol/little_endian.hpp"
 #include "drivers/protocol/odrive/odrive_driver.hpp"
+#include "drivers/protocol/placed_driver.hpp"
 #include "drivers/tools/degrees.hpp"
 
 namespace takt::drivers {
 namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
+constexpr double kMovedSincePowerUp = 10 * kDegree;
 
 double motor_turns(const config::Drive& drive, double q) {
   return (q - drive.offset) * drive.direction * drive.gear_ratio / kTurn;
@@ -47,16 +49,17 @@ std::optional<CanFrame> home_frame(const config::Joint& joint, double q) {
   return odrive_set_absolute_position(drive.id, mark->turns + turns);
 }
 
-double place_step(const config::Drive& drive) {
-  const bool several = drive.position_after_power_up == config::PositionAfterPowerUp::one_of_several;
-  return several ? kTurn / drive.places_per_turn : 0;
-}
-
-std::expected<double, std::string> steps_between(const config::Joint& joint, double read, double at) {
+std::expected<double, std::string> shift_between(const config::Joint& joint, double read, double at) {
   const double step = place_step(joint.drive);
-  const double shift = step * std::round((at - read) / step);
+  const double shift = step > 0 ? step * std::round((at - read) / step) : at - read;
   const double place = read + shift;
-  if (std::abs(place - at) > step / 4)
+  const double counted = read - joint.drive.offset;
+  if (step == 0 && std::abs(counted) < kMovedSincePowerUp)
+    return std::unexpected("its drive reads " + degrees(counted) +
+                           ", as it does wherever it is switched on, so that nothing would tell that it was switched "
+                           "off since: move the joint by more than " +
+                           degrees(kMovedSincePowerUp) + ", and say it again");
+  if (step > 0 && std::abs(place - at) > step / 4)
     return std::unexpected("its drive reads " + degrees(read) + ", so it is at " + degrees(place) +
                            " or a multiple of " + degrees(step) + " from there, and " + degrees(at) +
                            " is near none of them: look again");
@@ -65,7 +68,7 @@ std::expected<double, std::string> steps_between(const config::Joint& joint, dou
   const double offset = joint.drive.offset + shift;
   const double farthest = std::max(std::abs(limits.q_min - limits.position_margin - offset),
                                    std::abs(limits.q_max + limits.position_margin - offset));
-  if (farthest * joint.drive.gear_ratio > joint.drive.position_range)
+  if (config::has_packed_ranges(joint.drive.protocol) && farthest * joint.drive.gear_ratio > joint.drive.position_range)
     return std::unexpected(
         "from there limits.position reaches beyond the drive's position_range: switch the drive off, "
         "bring the joint nearer to its zero, and switch it on");

@@ -19,12 +19,10 @@ bool forgets_home(const config::Drive& drive);
 // has no such frame.
 std::optional<CanFrame> home_frame(const config::Joint& joint, double q);
 
-// Between places that the drive cannot tell apart; 0: it has no such places.
-double place_step(const config::Drive& drive);
-
-// What to add to what the drive reads where somebody says that the joint is at `at`: whole steps. The error is why that
-// is in doubt: no place within a quarter of a step, or one that the joint or the drive cannot reach.
-std::expected<double, std::string> steps_between(const config::Joint& joint, double read, double at);
+// What to add to what the drive reads, by the robot file's offset, where somebody says that the joint is at `at`: whole
+// steps, or, of a drive that says nothing, any angle. The error is why that is in doubt: no place within a quarter of a
+// step, one that the joint or the drive cannot reach, or a reading as any that begins to count has it.
+std::expected<double, std::string> shift_between(const config::Joint& joint, double read, double at);
 
 // `at` is a place that the joint may have; else why not.
 std::expected<void, std::string> check_place(const config::Joint& joint, double at);

@@ -95,8 +95,10 @@ void DriveEdge::send_joint(std::size_t joint, const pipeline::TickOutput& output
   const JointRecord& recorded = output.record.joints[joint];
   const JointRecord decided = damped ? told(recorded, wanted) : recorded;
   const MonoTime valid_until = damped ? MonoTime{} : output.valid_until;  // no command is behind the damping
+  drivers::JointDriver& driver = *joints_[joint].driver;
   drivers::GuardedMoment moment{header.now, now, valid_until, output.drive_enabled[joint]};
-  const std::size_t count = joints_[joint].driver->encode(moment.enabled, setpoint, now, valid_until, encoded_);
+  const std::size_t count = driver.encode(moment.enabled, setpoint, now, valid_until, encoded_);
+  moment.shift = driver.shift();
   for (std::size_t i = 0; i < count; ++i) {
     const Duration since_boot = clock.since_boot();
     moment.now = clock.now();

@@ -35,22 +35,11 @@ std::expected<drivers::OpenedBus, std::string> open_patiently(const config::Robo
   }
 }
 
-constexpr float kMayHaveMoved = 0.05F;  // rad, since a person said where the joint is
-
-// The robot with what people said of joints whose drives cannot be told: what those read is off by whole steps.
-struct Homed {
-  config::RobotConfig robot;
-  std::vector<std::optional<drivers::HomeNote>> notes;  // one per joint
-};
-Homed homed_robot(const config::RobotConfig& robot, const std::string& runtime_directory) {
-  Homed homed{robot, drivers::take_home_notes(runtime_directory, robot)};
-  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
-    if (!homed.notes[joint]) continue;
-    homed.robot.joints[joint].drive.offset += homed.notes[joint]->shift;
-    spdlog::info("joint {}: a person said that it is at {:.4f} rad; its drive reads {:.4f} rad less",
-                 robot.joints[joint].name, homed.notes[joint]->left_at, homed.notes[joint]->shift);
-  }
-  return homed;
+void tell_of_homes(const config::RobotConfig& robot, std::span<const std::optional<drivers::HomeNote>> notes) {
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
+    if (notes[joint])
+      spdlog::info("joint {}: a person said that it is at {:.4f} rad; its drive reads {:.4f} rad less",
+                   robot.joints[joint].name, notes[joint]->left_at, notes[joint]->shift);
 }
 
 // The first frame among those that arrived which only a controller of these drives sends.
@@ -106,17 +95,20 @@ std::expected<OpenedEdge, EdgeRefusal> open_edge(const config::RobotConfig& robo
     if (!output) return std::unexpected(EdgeRefusal{kExitSetUpRefused, output.error()});
     torque = std::move(*output);
   }
-  const Homed homed = homed_robot(robot, runtime_directory);
+  const auto notes = drivers::take_home_notes(runtime_directory, robot);
+  const config::RobotConfig homed = drivers::homed_robot(robot, notes);
+  tell_of_homes(robot, notes);
   const std::vector<Turns> turns = config::turns_of(robot);
   std::vector<JointOnBus> joints;
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
-    auto driver = drivers::make_joint_driver(homed.robot, joint);
+    auto driver = drivers::make_joint_driver(homed, joint);
     if (!driver) return std::unexpected(EdgeRefusal{kExitUnavailable, driver.error()});
-    if (const auto& note = homed.notes[joint]) (*driver)->assume_home(static_cast<float>(note->left_at), kMayHaveMoved);
+    if (const auto& note = notes[joint])
+      (*driver)->assume_home(static_cast<float>(note->left_at), drivers::kMayHaveMoved);
     joints.push_back({std::move(*driver), robot.joints[joint].bus, turns[joint]});
   }
   return OpenedEdge{std::move(*claims),
-                    DriveEdge(std::move(buses), std::move(joints), std::make_unique<drivers::WireGuard>(homed.robot),
+                    DriveEdge(std::move(buses), std::move(joints), std::make_unique<drivers::WireGuard>(homed),
                               std::move(torque.output)),
                     std::move(facts), std::move(torque.description)};
 }

@@ -285,6 +285,45 @@ TEST(Load, ARangeThatOneSourceAloneTellsMustBeWritten) {
   }
 }
 
+// Goal: nobody's drive is taken to know more of its place after power-on than is known of its kind. Method: the key
+// left out, and written, for each kind.
+TEST(Load, WhatAReadingIsWorthAfterPowerOnIsAsItsKindHasIt) {
+  constexpr std::string_view kTmotor =
+      "{ protocol: mit, variant: tmotor, model: AK10-9, id: 1, reply_id: 0, position_after_power_up: absolute }";
+  const std::string damiao = "protocol: mit, variant: damiao, model: DM8009, id: 1, reply_id: 0x11",
+                    rs03 = "protocol: robstride, model: RS03, id: 1",
+                    cybergear = "protocol: robstride, model: CyberGear, id: 1",
+                    servo = "protocol: cia402, id: 1, counts_per_turn: 4096, rated_torque: 18 Nm, torque_range: 18 Nm";
+  const auto read = [&](const std::string& drive, const std::string& worth = "") {
+    const std::string key = worth.empty() ? "" : ", position_after_power_up: " + worth;
+    return parse(with(kTmotor, "{ " + drive + key + " }"), "r");
+  };
+  using enum PositionAfterPowerUp;
+  for (const std::string& drive : {damiao, rs03}) {
+    const auto left_out = read(drive), written = read(drive, "within_a_turn");
+    ASSERT_TRUE(left_out && written) << (left_out ? written.error() : left_out.error());
+    EXPECT_EQ(left_out->joints[0].drive.position_after_power_up, within_a_turn) << drive;
+    EXPECT_EQ(left_out->hash, written->hash) << drive;
+    EXPECT_TRUE(read(drive, "absolute")) << drive;
+  }
+  struct Row {
+    std::string drive, worth, said;
+  };
+  const Row refused[] = {
+      {servo, "", "key `position_after_power_up` is missing"},
+      {servo, "within_a_turn", "cia402 drives count from where they were switched on, or know their place"},
+      {damiao, "one_of_several, places_per_turn: 9", "write within_a_turn"},
+      {cybergear, "", "a CyberGear forgets its zero with its supply, and cannot save it; write unknown"},
+      {cybergear, "absolute", "write unknown"},
+  };
+  for (const Row& row : refused) {
+    const auto robot = read(row.drive, row.worth);
+    ASSERT_FALSE(robot) << row.drive << row.worth;
+    EXPECT_NE(robot.error().find(row.said), std::string::npos) << robot.error();
+  }
+  EXPECT_TRUE(read(servo, "unknown")) << read(servo, "unknown").error();
+}
+
 // Goal: what is printed on the drive may be written. Method: the maker's name, and the robot is the one with ours.
 TEST(Load, TheMakersNameOfADriveIsTheModel) {
   constexpr std::string_view kTmotor =

@@ -166,9 +166,10 @@ inline constexpr Refusal kRefusals[] = {
             "torque_range, kp_range, "
             "kd_range)"},
     Refusal{"a drive that may forget where it is", "reply_id: 0, position_after_power_up: absolute }", "reply_id: 0 }",
-            "19:12: key `position_after_power_up` is missing in `joints[0].drive`; add it: mit (tmotor), odrive: "
-            "absolute, the drive knows where the joint is; unknown (odrive, incremental encoder) or one_of_several "
-            "(tmotor, one encoder before the gear): not armed before `takt joint home`"},
+            "19:12: key `position_after_power_up` is missing in `joints[0].drive`; add it: all but moteus, what a "
+            "reading is worth after power-on: absolute, the joint's angle; within_a_turn, right but for whole turns; "
+            "one_of_several, but for smaller steps; unknown, nothing. In doubt, `takt joint home` comes before arming. "
+            "mit (damiao), robstride: within_a_turn; the others: required"},
     Refusal{"an unknown protocol", "protocol: mit, variant: tmotor, model", "protocol: mut, variant: tmotor, model",
             "19:24: joints[0].drive.protocol: protocol `mut` is not known; did you mean `mit`?"},
     Refusal{"a protocol that is not spoken", "protocol: mit, variant: tmotor, model",

@@ -315,6 +315,7 @@ class World::LyingDriver final : public drivers::JointDriver {
   }
   void assume_set_up() noexcept override { driver_->assume_set_up(); }
   void assume_home(float q, float tolerance) noexcept override { driver_->assume_home(q, tolerance); }
+  [[nodiscard]] float shift() const noexcept override { return driver_->shift(); }
   bool decode(const drivers::ReceivedFrame& received) noexcept override {
     if (!driver_->decode(received)) return false;
     const JointFeedback& truth = driver_->feedback();

@@ -52,6 +52,7 @@ class WholeLoop {
     return mode() == Mode::tracking;
   }
   [[nodiscard]] Mode mode() const { return out->record.header.mode; }
+  [[nodiscard]] drivers::JointDriver& driver(std::size_t j) { return *drivers_[j]; }
   // No more than these torques, Nm at the joint, was asked for in the newest tick's frames: what the tick says of them.
   [[nodiscard]] const JointRecord& joint(std::size_t j) const { return out->record.joints[j]; }
 

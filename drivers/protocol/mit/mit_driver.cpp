@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 #include "drivers/protocol/drive_timeout.hpp"
@@ -51,9 +50,7 @@ std::size_t MitDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTi
 void MitDriver::note_silence() noexcept {
   if (wish_ == Wish::drive) return;
   ++silent_ticks_;
-  if (silent_ticks_ != kTicksToDoubt) return;
-  readback_.restart();
-  assumed_home_.forget();
+  if (silent_ticks_ == kTicksToDoubt) readback_.restart();
 }
 
 bool MitDriver::may_enable() const {
@@ -61,7 +58,7 @@ bool MitDriver::may_enable() const {
     case MitVariant::damiao:
       return other_protocol_ticks_ == 0 && readback_.may_enable();
     case MitVariant::tmotor:
-      return settings_.timeout.waived && other_protocol_ticks_ == 0 && knows_home();
+      return settings_.timeout.waived && other_protocol_ticks_ == 0;
   }
   return false;
 }
@@ -73,8 +70,7 @@ std::uint32_t MitDriver::setup_error() const noexcept {
                                        : readback_.error_code();
     case MitVariant::tmotor:
       if (other_protocol_ticks_ > 0) return setup_fault_code(SetupFault::other_protocol, other_protocol_);
-      if (!settings_.timeout.waived) return setup_fault_code(SetupFault::watchdog_unknown);
-      return knows_home() ? 0 : setup_fault_code(SetupFault::home_unknown);
+      return settings_.timeout.waived ? 0 : setup_fault_code(SetupFault::watchdog_unknown);
   }
   return 0;
 }
@@ -121,7 +117,6 @@ bool MitDriver::decode(const ReceivedFrame& received) noexcept {
 
 void MitDriver::take(const MitReply& reply, MonoTime received_at) noexcept {
   take_reading(settings_.mapping, reply.p, reply.v, reply.t, received_at, feedback_);
-  assumed_home_.take(feedback_.q);
   feedback_.temperature_C = reply.temperature_C;
   feedback_.casing_C = reply.stage_C;
   status_ = reply.status;
@@ -215,8 +210,6 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_mit_driver(const c
     if (settings.variant != MitVariant::damiao || !settings.fd())
       return std::unexpected("fd_bitrate is for Damiao drives: 2, 2.5, 3.2, 4 or 5 Mbit/s");
   }
-  if (drive.position_after_power_up == config::PositionAfterPowerUp::one_of_several)
-    settings.place_step = 2 * std::numbers::pi_v<float> / static_cast<float>(drive.places_per_turn);
   settings.timeout = {timeout_units(drive_timeout(robot)), config::waives_watchdog(drive)};
   const auto identity = words_of("identity", drive.identity, kDamiaoNumber);
   const auto firmware = words_of("firmware", drive.firmware, kDamiaoNumber);

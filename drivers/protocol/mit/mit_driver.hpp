@@ -11,8 +11,6 @@
 //   reply after the frame that asks for it; its settings cannot be read, its time-out neither: without a waiver in the
 //   robot file it has a fault that says so, and is not enabled. One that is heard to speak the protocol of AK V3
 //   firmware, or to be a RobStride, has a fault that names it, for kTicksToForget after its last such word.
-//   One whose encoder cannot tell several places apart is not enabled before somebody said which it is (assume_home),
-//   nor after a silence of kTicksToDoubt or a jump of more than half a step, after which it may be another.
 // enabled once: motion commands only. A drive that leaves motor mode by itself is not brought back before `enable` was
 //   false in between: that is the operator's decision.
 //
@@ -21,7 +19,6 @@
 // JointDriver.
 #pragma once
 
-#include "drivers/protocol/assumed_home.hpp"
 #include "drivers/protocol/mit/damiao_registers.hpp"
 #include "drivers/protocol/mit/mit_codec.hpp"
 #include "drivers/protocol/protocol_table.hpp"
@@ -35,8 +32,6 @@ struct MitDriveSettings {
   JointMapping mapping;
   DriveTimeoutWish timeout;
   DamiaoIdentity identity{};
-  // T-Motor with one encoder before the gear: joint side, rad, between places that it cannot tell apart; 0: it can.
-  float place_step = 0;
   // Damiao: it speaks CAN FD with bit rate switch, and register 35 must say so; 0: classic frames.
   std::uint32_t fd_bit_rate_code = 0;
   [[nodiscard]] bool fd() const { return fd_bit_rate_code != 0; }
@@ -51,12 +46,10 @@ class MitDriver final : public JointDriver {
 
   explicit MitDriver(const MitDriveSettings& settings) noexcept
       : settings_(settings),
-        readback_(settings.id, settings.range, settings.timeout, settings.identity, settings.fd_bit_rate_code),
-        assumed_home_(settings.place_step / 2) {}
+        readback_(settings.id, settings.range, settings.timeout, settings.identity, settings.fd_bit_rate_code) {}
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;
-  void assume_home(float q, float tolerance) noexcept override { assumed_home_.assume(q, tolerance); }
   bool decode(const ReceivedFrame& received) noexcept override;
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
   // Frames on the reply id that are no reply of this protocol.
@@ -72,13 +65,11 @@ class MitDriver final : public JointDriver {
   void take(const MitReply& reply, MonoTime received_at) noexcept;
   bool take_other_protocol(const CanFrame& frame) noexcept;
   [[nodiscard]] std::uint32_t other_protocol_of(const CanFrame& frame) const noexcept;
-  [[nodiscard]] bool knows_home() const noexcept { return settings_.place_step == 0 || assumed_home_.known(); }
   void judge() noexcept;
   [[nodiscard]] DriveState reported_state() const noexcept;
 
   MitDriveSettings settings_;
   DamiaoReadback readback_;  // Damiao only
-  AssumedHome assumed_home_;
   JointFeedback feedback_;
   std::uint64_t malformed_frames_ = 0;
   std::uint8_t status_ = 0;  // of the newest reply

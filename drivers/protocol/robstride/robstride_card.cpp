@@ -23,6 +23,18 @@ CardRow mode_row() {
           }};
 }
 
+CardRow home_row(const config::Joint& joint) {
+  if (joint.drive.model == "CyberGear") return untold(CardItem::home);
+  CardRow row{.item = CardItem::home,
+              .source = "parameter 7029",
+              .expected = begins_below_zero(joint) ? "1 (-pi to pi)" : "",
+              .keys = {key(RobstrideParameter::zero_state)},
+              .text = [](std::span<const std::uint32_t> values) {
+                return values[0] == 0 ? "0 (0 to 2 pi)" : values[0] == 1 ? "1 (-pi to pi)" : std::to_string(values[0]);
+              }};
+  return row;
+}
+
 }  // namespace
 
 std::vector<CardRow> robstride_card_rows(const config::RobotConfig& robot, std::size_t joint) {
@@ -39,7 +51,7 @@ std::vector<CardRow> robstride_card_rows(const config::RobotConfig& robot, std::
           untold(torque_range),
           watchdog_row("parameter 7028", key(RobstrideParameter::can_timeout), kTimeoutUnit),
           watchdog_row("parameter 200C", key(RobstrideParameter::stored_timeout), kTimeoutUnit),
-          untold(home)};
+          home_row(robot.joints.at(joint))};
 }
 
 void robstride_settings_told(const config::Drive& drive, const CanFrame& frame, ToldSettings& told) {

@@ -8,7 +8,8 @@
 // Motion and feedback carry big-endian 16-bit codes over their ranges, parameters are little-endian. Units: side of the
 // drive's output, rad, rad/s, Nm/rad, Nm s/rad, Nm. Zero is not representable: over symmetric ranges it comes out half
 // a quantum below. Sources: belovictor/cybergear-docs instructionmanual/instructionmanual.md, section 4; for 7028, type
-// 24, stall overload and the failed answer the makers' manuals of RS00 to RS06.
+// 24, stall overload and the failed answer the makers' manuals of RS00 to RS06; for 7029
+// motorbridge.seeedstudio.com reference/robstride-parameter-tables.
 #pragma once
 
 #include <cstdint>
@@ -48,7 +49,8 @@ CanFrame encode_robstride_get_id(RobstrideAddress address) noexcept;
 enum class RobstrideParameter : std::uint16_t {
   stored_timeout = 0x200C,  // u32, in units of 50 us; 0: off, as it comes from the factory. CyberGear
   run_mode = 0x7005,        // u8; 0: obeys motion commands
-  can_timeout = 0x7028,     // u32, 20000 is 1 s; 0: off, as after every power-on. RobStride
+  can_timeout = 0x7028,     // u32, 20000 is 1 s; 0: off, as after every power-on. RobStride, as the next one
+  zero_state = 0x7029,      // u8; positions begin within a turn after power-on, 0: in 0 to 2 pi, 1: in -pi to pi
 };
 CanFrame encode_robstride_question(RobstrideAddress address, RobstrideParameter parameter) noexcept;
 // Lost at power-off. `value`: the parameter's bits, the low byte first on the wire.

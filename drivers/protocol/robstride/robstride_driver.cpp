@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "drivers/protocol/robstride/robstride_driver.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <string_view>
@@ -47,6 +48,9 @@ std::optional<RobstrideSetup::Step> RobstrideSetup::next(RobstrideAddress addres
     case Stage::ask_stored:
       ++tries_;
       return Step{encode_robstride_question(address, stored_timeout), false};
+    case Stage::ask_zero:
+      ++tries_;
+      return Step{encode_robstride_question(address, zero_state), false};
     case Stage::ask_identity:
       ++tries_;
       return Step{encode_robstride_get_id(address), false};
@@ -89,6 +93,8 @@ void RobstrideSetup::give_up() noexcept {
       return enter(Stage::ask_stored);
     case Stage::ask_stored:
       return judge_timeout(RobstrideParameter::stored_timeout);
+    case Stage::ask_zero:
+      return enter(Stage::ask_identity);
     case Stage::ask_identity:
       if (identity_.count == 0) return enter(Stage::done);
       return fail(SetupFault::settings_unread, kRobstrideIdentity);
@@ -99,7 +105,7 @@ void RobstrideSetup::give_up() noexcept {
 }
 
 void RobstrideSetup::judge_timeout(RobstrideParameter which) noexcept {
-  if (wish_.waived || is_watchdog(timeout_)) return enter(Stage::ask_identity);
+  if (wish_.waived || is_watchdog(timeout_)) return go_on_from_timeout();
   fail(timeout_ ? SetupFault::watchdog_off : SetupFault::watchdog_unknown, which);
 }
 
@@ -110,6 +116,8 @@ void RobstrideSetup::take(const RobstrideAnswer& answer) noexcept {
     case RobstrideParameter::can_timeout:
     case RobstrideParameter::stored_timeout:
       return take_timeout(answer);
+    case RobstrideParameter::zero_state:
+      return take_zero(answer);
   }
 }
 
@@ -127,11 +135,18 @@ void RobstrideSetup::take_timeout(const RobstrideAnswer& answer) noexcept {
     if (answer.failed) return enter(Stage::ask_stored);
     timeout_ = answer.value;
     // Another value: the setting was lost, or is not obeyed. Again, and in the end give_up() judges what is there.
-    if (answer.value == wish_.units) enter(Stage::ask_identity);
+    if (answer.value == wish_.units) go_on_from_timeout();
   } else if (!about_volatile && stage_ == Stage::ask_stored) {
     if (!answer.failed) timeout_ = answer.value;
     judge_timeout(RobstrideParameter::stored_timeout);
   }
+}
+
+void RobstrideSetup::take_zero(const RobstrideAnswer& answer) noexcept {
+  if (stage_ != Stage::ask_zero || tries_ == 0) return;
+  const bool begins_at_zero = !answer.failed && (answer.value & 0xFFU) == 0;
+  if (begins_at_zero && begins_below_zero_) return fail(SetupFault::settings_differ, RobstrideParameter::zero_state);
+  enter(Stage::ask_identity);
 }
 
 void RobstrideSetup::take(const RobstrideIdentity& told) noexcept {
@@ -256,6 +271,13 @@ std::optional<Duration> RobstrideDriver::stored_timeout() const {
   return kTimeoutUnit * *units;
 }
 
+bool begins_below_zero(const config::Joint& joint) {
+  const config::Drive& drive = joint.drive;
+  const double one_end = (joint.limits.q_min - drive.offset) * drive.direction;
+  const double other_end = (joint.limits.q_max - drive.offset) * drive.direction;
+  return drive.position_after_power_up == config::PositionAfterPowerUp::absolute && std::min(one_end, other_end) < 0;
+}
+
 std::expected<std::unique_ptr<JointDriver>, std::string> make_robstride_driver(const config::RobotConfig& robot,
                                                                                std::size_t joint) {
   const config::Drive& drive = robot.joints[joint].drive;
@@ -278,6 +300,7 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_robstride_driver(c
   const auto identity = words_of("identity", drive.identity, {.style = WordStyle::hex, .least = 2, .most = 2});
   if (!identity) return std::unexpected(identity.error());
   settings.identity = *identity;
+  settings.begins_below_zero = begins_below_zero(robot.joints[joint]);
   return std::make_unique<RobstrideDriver>(settings);
 }
 
@@ -297,6 +320,10 @@ std::string_view parameter_name(std::uint32_t number) {
       return "CAN time-out (parameter 7028)";
     case RobstrideParameter::stored_timeout:
       return "CAN time-out (parameter 200C)";
+    case RobstrideParameter::zero_state:
+      return "where it begins to count (parameter 7029): write 1 into it (-pi to pi) and save it with the maker's "
+             "tool, "
+             "or write `position_after_power_up: within_a_turn`";
   }
   return "";
 }

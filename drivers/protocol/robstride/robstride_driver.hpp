@@ -4,11 +4,13 @@
 // enable false: stop every tick, which the drive answers with its position; while it shows a fault every other stop
 //   clears it. Meanwhile, in every fourth tick, the set-up: run mode 0 (obey motion commands) is written in the place
 //   of one stop and read back, then the CAN time-out likewise (7028). A drive without that parameter (CyberGear) is
-//   asked for its stored one (200C), which counts when it is set, to at most a second. Last it is asked for its unique
-//   id, which it must tell if the robot file names one (drive.identity). Another id, a run mode that does not stay,
-//   no answer, or a time-out that is off or unknown becomes a fault of the drive (SetupFault with the parameter's
-//   number) and is tried again twice a second at 1 kHz; a waiver in the robot file lets the time-out pass. All of it
-//   again after the drive was enabled and after kTicksToDoubt without a word: what was written is lost with its supply.
+//   asked for its stored one (200C), which counts when it is set, to at most a second. Then in which turn it begins to
+//   count after power-on (7029), which may stay untold, and last for its unique id, which it must tell if the robot
+//   file names one (drive.identity). Another id, a run mode that does not stay, no answer, a time-out that is off or
+//   unknown, or a turn that does not hold an absolute joint's places becomes a fault of the drive (SetupFault with the
+//   parameter's number) and is tried again twice a second at 1 kHz; a waiver in the robot file lets the time-out pass.
+//   All of it again after the drive was enabled and after kTicksToDoubt without a word: what was written is lost with
+//   its supply.
 // enable rising: enable every tick until the drive reports that it runs; before its run mode is known, as above.
 // enabled once: motion commands only. A drive that stops by itself is not brought back before `enable` was false in
 //   between: that is the operator's decision.
@@ -25,7 +27,7 @@ namespace takt::drivers {
 // What must be true of the drive's own time-out before it may be enabled.
 struct RobstrideTimeoutWish {
   std::uint32_t units = 0;   // written into 7028, then read back
-  bool has_volatile = true;  // false: known to have 200C only
+  bool has_volatile = true;  // false: known to have 200C only, and no 7029
   bool waived = false;       // the robot file allows it to be off or unknown
 };
 
@@ -37,14 +39,17 @@ struct RobstrideDriveSettings {
   RobstrideAddress address;
   JointMapping mapping;
   RobstrideTimeoutWish timeout;
-  DriveWords identity{};  // that it must tell; nothing: anybody may be there
+  DriveWords identity{};           // that it must tell; nothing: anybody may be there
+  bool begins_below_zero = false;  // 7029 must be 1: its joint may stand there, and is taken to be where it reads
 };
+// By the robot file.
+bool begins_below_zero(const config::Joint& joint);
 
 // What the drive must be asked and told before it may be enabled, one step at a time.
 class RobstrideSetup {
  public:
-  RobstrideSetup(const RobstrideTimeoutWish& timeout, const DriveWords& identity) noexcept
-      : wish_(timeout), identity_(identity) {}
+  RobstrideSetup(const RobstrideTimeoutWish& timeout, const DriveWords& identity, bool begins_below_zero) noexcept
+      : wish_(timeout), identity_(identity), begins_below_zero_(begins_below_zero) {}
   // The next frame, if it is time for one: `instead_of_stop` tells whether it takes the stop's place (it is answered by
   // feedback) or goes beside it. Call once per tick in which the drive is heard and not running.
   struct Step {
@@ -70,6 +75,7 @@ class RobstrideSetup {
     set_timeout,
     ask_timeout,
     ask_stored,
+    ask_zero,
     ask_identity,
     done,
     failed
@@ -81,9 +87,12 @@ class RobstrideSetup {
   void judge_timeout(RobstrideParameter which) noexcept;
   void take_mode(const RobstrideAnswer& answer) noexcept;
   void take_timeout(const RobstrideAnswer& answer) noexcept;
+  void take_zero(const RobstrideAnswer& answer) noexcept;
+  void go_on_from_timeout() noexcept { enter(wish_.has_volatile ? Stage::ask_zero : Stage::ask_identity); }
 
   RobstrideTimeoutWish wish_;
   DriveWords identity_;
+  bool begins_below_zero_;
   Stage stage_ = Stage::set_mode;
   std::uint32_t tick_ = 0;
   int tries_ = 0;
@@ -95,7 +104,7 @@ class RobstrideSetup {
 class RobstrideDriver final : public JointDriver {
  public:
   explicit RobstrideDriver(const RobstrideDriveSettings& settings) noexcept
-      : settings_(settings), setup_(settings.timeout, settings.identity) {}
+      : settings_(settings), setup_(settings.timeout, settings.identity, settings.begins_below_zero) {}
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;

@@ -76,6 +76,24 @@ TEST(WireGuard, AFieldThatIsNotTheDecidedOneDiffers) {
   }
 }
 
+// Goal: limits are those of where the joint is, not of what its drive counts from since power-on. Method: the paper's
+// frame, which says 1 rad, to a drive that reads a turn less than its joint's place.
+TEST(WireGuard, AFrameIsReadByWhatItsDriveIsOff) {
+  constexpr float kTurn = 6.2831853F;
+  GuardBench bench = ak80_9();
+  config::RobotConfig robot = bench.robot;
+  robot.joints[test::joint_named(robot, "left_elbow")].limits.q_max = 8;
+  GuardBench shifted("left_elbow", robot);
+  Decision decision = of_ak80_9();
+  decision.q += kTurn;
+  decision.at_q += kTurn;
+  EXPECT_EQ(shifted.pass(3, kAk809, decision), differs);
+  decision.moment.shift = kTurn;
+  EXPECT_EQ(shifted.pass(3, kAk809, decision), allowed);
+  EXPECT_EQ(bench.pass(3, kAk809, decision), position) << "beyond its limits";
+  EXPECT_EQ(shifted.pass(3, kAk809, of_ak80_9()), allowed) << "of another tick, without";
+}
+
 TEST(WireGuard, EveryMitLimitHasItsVerdict) {
   struct Row {
     const char* when;

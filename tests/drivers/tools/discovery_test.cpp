@@ -89,7 +89,6 @@ TEST_F(DiscoveryTest, TheZeroThatADriveIsToldOutlivesItsSupply) {
     const auto device = plant::make_device(drive, milliseconds(100));
     const auto frames = zero_frames(drive);
     ASSERT_FALSE(frames.empty());
-    EXPECT_TRUE(keeps_zero(drive));
     plant::Frames said;
     device->update({0.7, 0}, MonoTime{1}, milliseconds(1), said);
     for (const CanFrame& frame : frames) device->receive(frame, MonoTime{2}, said);

@@ -68,7 +68,7 @@ TEST(HomePlace, AnOdriveIsToldTheTurnsOfItsMotorAndTheMark) {
 // Places are 40 deg apart: 8 + 40 n deg.
 TEST(HomePlace, TheNearestOfSeveralPlacesIsMeantUnlessInDoubt) {
   const config::Joint joint = joint_with(config::DriveProtocol::mit, PositionAfterPowerUp::one_of_several);
-  const auto steps = [&](double at) { return steps_between(joint, 8 * kDegree, at * kDegree); };
+  const auto steps = [&](double at) { return shift_between(joint, 8 * kDegree, at * kDegree); };
   EXPECT_NEAR(steps(8).value(), 0, 1e-9);
   EXPECT_NEAR(steps(17).value(), 0, 1e-9);
   EXPECT_NEAR(steps(85).value(), 80 * kDegree, 1e-9);
@@ -82,8 +82,8 @@ TEST(HomePlace, TheNearestOfSeveralPlacesIsMeantUnlessInDoubt) {
 TEST(HomePlace, WhatTheDriveCannotSayFromThereIsRefused) {
   config::Joint joint = joint_with(config::DriveProtocol::mit, PositionAfterPowerUp::one_of_several);
   joint.drive.position_range = 150 * kDegree;
-  EXPECT_TRUE(steps_between(joint, 0, 40 * kDegree));
-  EXPECT_FALSE(steps_between(joint, 0, 80 * kDegree));
+  EXPECT_TRUE(shift_between(joint, 0, 40 * kDegree));
+  EXPECT_FALSE(shift_between(joint, 0, 80 * kDegree));
 }
 
 class Notes : public testing::Test {

@@ -172,6 +172,7 @@ TEST(CyclicLoop, ARefusedFrameIsReplacedRecordedAndReachesTheNextTick) {
                             const JointRecord& record) {
     EXPECT_EQ(bus, joint % 2);
     EXPECT_GE(moment.now, moment.decided_at);
+    EXPECT_EQ(moment.shift, static_cast<float>(joint) / 8) << "what its drive is off";
     EXPECT_EQ(record.q_command, 0.0F);
     return rig.sent.size() == 6 && joint == 0 ? WireVerdict::slew : WireVerdict::allowed;
   };

@@ -77,7 +77,7 @@ class FakeBus final : public drivers::CanBus {
 };
 
 // Sends one frame: id = joint + 1, byte 0 = enable, byte 1 = it is told to hold (kp), byte 2 = that a command is behind
-// it. Listens to id 0x100 + joint, whose byte 0 is its position, byte 1 its state.
+// it. Listens to id 0x100 + joint, whose byte 0 is its position, byte 1 its state. Reads joint / 8 rad too little.
 class OneByteDrive final : public drivers::JointDriver {
  public:
   explicit OneByteDrive(std::uint32_t joint) : joint_(joint) {}
@@ -100,6 +100,7 @@ class OneByteDrive final : public drivers::JointDriver {
     return true;
   }
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
+  [[nodiscard]] float shift() const noexcept override { return static_cast<float>(joint_) / 8; }
 
  private:
   std::uint32_t joint_;
