@@ -81,7 +81,10 @@ drivers::CanFrame make_frame(unsigned type, unsigned data, unsigned target) {
 }  // namespace
 
 RobstrideDevice::RobstrideDevice(const config::Drive& drive, Duration watchdog)
-    : drive_(drive), watchdog_(watchdog), host_(drive.host_id) {
+    : drive_(drive),
+      watchdog_(watchdog),
+      host_(drive.host_id),
+      saved_zero_state_(drive.position_after_power_up == config::PositionAfterPowerUp::absolute ? 1 : 0) {
   start_up();
 }
 

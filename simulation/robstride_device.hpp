@@ -9,8 +9,9 @@
 // failed. Motion commands and enabling feed it, telemetry does not. An error is reported once by itself (21) as well.
 // Everything written is lost at power-off, the zero included unless a save (22) followed it, which a CyberGear does not
 // know. Of its place it forgets what position_after_power_up says; of one within a turn, parameter 7029 says which turn
-// it begins in: 0, as delivered, 0 to 2 pi; 1: -pi to pi. Only run mode 0 moves. Source: belovictor/cybergear-docs
-// instructionmanual/instructionmanual.md, section 4; for 7028 and failed readings the makers' manuals of RS00 to RS06;
+// it begins in: 0, as delivered, 0 to 2 pi; 1, as an absolute one needs it, -pi to pi. Only run mode 0 moves. Source:
+// belovictor/cybergear-docs instructionmanual/instructionmanual.md, section 4; for 7028 and failed readings the makers'
+// manuals of RS00 to RS06;
 // for 7029 motorbridge.seeedstudio.com reference/robstride-parameter-tables.
 #pragma once
 
@@ -65,7 +66,7 @@ class RobstrideDevice final : public Device {
   MotorReading reading_;  // as reported: relative to the zero that was set
   double zero_ = 0;
   double saved_zero_ = 0;  // what it begins with after power-on, as the next one
-  std::uint32_t saved_zero_state_ = 0;
+  std::uint32_t saved_zero_state_;
   bool knows_place_ = false;  // since power-on
   double torque_ = 0;
   Winding winding_;

@@ -52,6 +52,14 @@ class WholeLoop {
     return mode() == Mode::tracking;
   }
   [[nodiscard]] Mode mode() const { return out->record.header.mode; }
+  // What keeps it from being armed.
+  [[nodiscard]] std::string blockers() const {
+    std::array<pipeline::ArmingBlocker, 8> found;
+    std::string all;
+    const std::size_t count = pipeline::arming_blockers(out->record, config, found);
+    for (std::size_t i = 0; i < std::min(count, found.size()); ++i) all += std::string(found[i].what) + "; ";
+    return all;
+  }
   [[nodiscard]] drivers::JointDriver& driver(std::size_t j) { return *drivers_[j]; }
   // No more than these torques, Nm at the joint, was asked for in the newest tick's frames: what the tick says of them.
   [[nodiscard]] const JointRecord& joint(std::size_t j) const { return out->record.joints[j]; }

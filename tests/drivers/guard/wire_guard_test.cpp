@@ -87,7 +87,7 @@ TEST(WireGuard, AFrameIsReadByWhatItsDriveIsOff) {
   Decision decision = of_ak80_9();
   decision.q += kTurn;
   decision.at_q += kTurn;
-  EXPECT_EQ(shifted.pass(3, kAk809, decision), differs);
+  EXPECT_EQ(shifted.pass(3, kAk809, decision), torque) << "a turn's worth of stiffness";
   decision.moment.shift = kTurn;
   EXPECT_EQ(shifted.pass(3, kAk809, decision), allowed);
   EXPECT_EQ(bench.pass(3, kAk809, decision), position) << "beyond its limits";

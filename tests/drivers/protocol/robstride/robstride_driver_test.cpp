@@ -71,7 +71,8 @@ class Bench {
   }
   // What an honest drive does in a standby tick. Returns the frames it got. `told`: of which parameters it says what,
   // by index; silent about others.
-  std::vector<CanFrame> honest_tick(bool enabled, const std::map<int, int>& told = {{0x7005, 0}, {0x7028, 2000}}) {
+  std::vector<CanFrame> honest_tick(bool enabled,
+                                    const std::map<int, int>& told = {{0x7005, 0}, {0x7028, 2000}, {0x7029, 0}}) {
     const auto frames = encode(enabled);
     for (const CanFrame& frame : frames) {
       if (frame.id >> 24U == get_id) {
@@ -129,7 +130,7 @@ TEST(RobstrideDriver, SetsRunModeAndTimeoutAndReadsThemBack) {
       EXPECT_EQ(frame.id >> 8U & 0xFFFFU, kHost);
     }
   }
-  EXPECT_EQ(told, (std::vector<std::string>{"write 7005", "read 7005", "write 7028", "read 7028", "who"}))
+  EXPECT_EQ(told, (std::vector<std::string>{"write 7005", "read 7005", "write 7028", "read 7028", "read 7029", "who"}))
       << "each once";
   EXPECT_EQ(reports, 40) << "one frame per tick that feedback answers";
   EXPECT_EQ(bench.driver.stored_timeout(), milliseconds(100)) << "2000 units of 50 us";
@@ -154,8 +155,8 @@ TEST(RobstrideDriver, IsNotEnabledBeforeItsRunModeAndTimeoutAreKnown) {
       if (type == get_id) known = bench.hears(kDrive << 8U | 0xFEU, {1, 2, 3, 4, 5, 6, 7, 8});
       if (type != question && type != get_id) bench.feedback(0);
       if (type != question) continue;
-      const bool about_timeout = index_of(frame) == "7028";
-      bench.answer(about_timeout ? 0x7028 : 0x7005, about_timeout ? 2000 : 0);
+      const int index = frame.data[0] | frame.data[1] << 8;
+      bench.answer(index, index == 0x7028 ? 2000 : 0);
     }
   }
   EXPECT_TRUE(known);
@@ -224,6 +225,53 @@ TEST(RobstrideDriver, ATimeoutThatIsOffOrUnknownIsAFaultThatNamesItsParameter) {
     EXPECT_NE(name.find(row.name), std::string::npos) << name;
     EXPECT_NE(name.find(row.code == off_7028 ? "parameter 7028" : "parameter 200C"), std::string::npos) << name;
   }
+}
+
+// Goal: a joint below its drive's zero reads right only where the drive begins to count at -pi. Method: 7029 told as 0,
+// as 1, not at all, and refused, where it matters and where it does not.
+TEST(RobstrideDriver, WhereItBeginsToCountIsJudgedWhereItMatters) {
+  struct Row {
+    const char* when;
+    bool matters;
+    std::map<int, int> told;
+    bool is_refused, may_enable;
+  };
+  const Row rows[] = {
+      {"0 to 2 pi", true, {{0x7029, 0}}, false, false},
+      {"-pi to pi", true, {{0x7029, 1}}, false, true},
+      {"0 to 2 pi, and limits or a person tell the turn", false, {{0x7029, 0}}, false, true},
+      {"silence", true, {}, false, true},
+      {"no such parameter", true, {}, true, true},
+  };
+  for (const Row& row : rows) {
+    RobstrideDriveSettings wanted = settings();
+    wanted.begins_below_zero = row.matters;
+    Bench bench(wanted);
+    std::map<int, int> told = row.told;
+    told.insert({{0x7005, 0}, {0x7028, 2000}});
+    for (int tick = 0; tick < 150; ++tick)
+      for (const CanFrame& frame : bench.honest_tick(false, told))
+        if (row.is_refused && index_of(frame) == "7029") bench.refuses(0x7029);
+    EXPECT_EQ(bench.driver.feedback().error_code,
+              row.may_enable ? 0U : setup_fault_code(SetupFault::settings_differ, 0x7029))
+        << row.when;
+    EXPECT_EQ(bench.first_type(true) == enable, row.may_enable) << row.when;
+  }
+}
+
+// By the robot file: which joints those are.
+TEST(RobstrideDriver, ItMattersForAbsoluteJointsBelowTheirDrivesZero) {
+  using config::PositionAfterPowerUp;
+  config::Joint joint;
+  joint.limits.q_min = -1;
+  joint.limits.q_max = 2;
+  EXPECT_TRUE(begins_below_zero(joint));
+  joint.drive.offset = -1;
+  EXPECT_FALSE(begins_below_zero(joint));
+  joint.drive.direction = -1;
+  EXPECT_TRUE(begins_below_zero(joint));
+  joint.drive.position_after_power_up = PositionAfterPowerUp::within_a_turn;
+  EXPECT_FALSE(begins_below_zero(joint));
 }
 
 // Goal: an answer that the reading failed carries a 0 that means nothing. Method: a drive that refuses 7028 and 200C.
