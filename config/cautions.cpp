@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <numbers>
 #include <utility>
 
 #include "config/turns.hpp"
@@ -46,6 +47,23 @@ void of_temperatures(const RobotConfig& robot, std::vector<std::string>& lines) 
         "{}: a T-Motor drive tells its temperature in replies of 8 bytes alone; one with 6 is not armed under "
         "limits.temperature",
         joints));
+}
+
+// Whose limits hold places that lie a turn apart: its drive may not know which of them it is.
+void of_places(const RobotConfig& robot, std::vector<std::string>& lines) {
+  std::string joints;
+  for (const Joint& joint : robot.joints) {
+    const bool is_it = joint.drive.position_after_power_up == PositionAfterPowerUp::within_a_turn;
+    const double width = joint.limits.q_max - joint.limits.q_min;
+    if (is_it && width >= 2 * std::numbers::pi / joint.drive.gear_ratio)
+      joints += (joints.empty() ? "" : ", ") + joint.name;
+  }
+  if (!joints.empty())
+    lines.push_back(
+        fmt::format("{}: the drive knows its place within a turn, and limits.position is wider: in doubt it is not "
+                    "armed before `takt "
+                    "joint home`; a wheel is position_after_power_up: absolute",
+                    joints));
 }
 
 void of_falls(const RobotConfig& robot, std::vector<std::string>& lines) {
@@ -94,6 +112,7 @@ std::vector<std::string> cautions_about(const RobotConfig& robot) {
   std::vector<std::string> lines;
   of_turns(robot, lines);
   of_temperatures(robot, lines);
+  of_places(robot, lines);
   of_falls(robot, lines);
   add_cautions_of_values(robot, lines);
   if (std::string stops = stops_without_model(robot); !stops.empty()) lines.push_back(std::move(stops));

@@ -45,6 +45,14 @@ void Journal::policy_change(const TickRecord& record) {
               tick.candidate.in_charge != 0 ? "the candidate" : "the robot's own policy");
 }
 
+void Journal::moved_unheard(const TickRecord& record, std::size_t joint, const std::string& joint_name) {
+  spdlog::warn(
+      "joint {}: reads {:.4f} rad after a silence of its drive, more than 0.05 rad from before: it was moved, or its "
+      "drive "
+      "lost its zero (tick {}, {})",
+      joint_name, record.joints[joint].feedback.q, record.header.tick, name(record.header.mode));
+}
+
 void Journal::summarise(MonoTime now, const StatusSnapshot& status) {
   if (now - spoke_at_ < seconds(1)) return;
   if (const auto missed = growth<OverrunCause>(status.overruns, said_.overruns, 1); !missed.empty()) {

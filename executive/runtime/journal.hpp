@@ -19,6 +19,8 @@ class Journal {
   static void transition(const TickRecord& record, const std::optional<Incident>& incident);
   // A change of policy that was asked for, came, or did not.
   static void policy_change(const TickRecord& record);
+  // A joint that reads elsewhere after a silence of its drive.
+  static void moved_unheard(const TickRecord& record, std::size_t joint, const std::string& name);
   // Call it often; it says what is new since it last spoke.
   void summarise(MonoTime now, const StatusSnapshot& status);
 

@@ -123,6 +123,9 @@ int run(const Options& options) {
                         });
   follower.tell(incidents);
   follower.on_policy_change(&Journal::policy_change);
+  follower.on_moved_unheard([&robot](const TickRecord& record, std::size_t joint) {
+    Journal::moved_unheard(record, joint, robot->joints[joint].name);
+  });
   TransmitQueues queues(robot->freshness.max_age, interfaces_of(robot->buses));
   follower.tell(queues.watch());
 

@@ -25,9 +25,19 @@ void TickFollower::follow() {
   if (queues_ != nullptr) queues_->take(tick);
   if (tick.mode != tick.previous_mode) on_transition_(latest_);
   if (tick.candidate.change != PolicyChange::none && on_policy_change_) on_policy_change_(latest_);
+  follow_places();
   last_read_.at(static_cast<std::size_t>(tick.operator_request)) = tick.tick;
   const std::span joints(latest_.joints, std::min<std::size_t>(tick.joint_count, kMaxJoints));
   rest_.follow(tick.now, joints, asked_for_rest(), rest_velocity_);
+}
+
+void TickFollower::follow_places() {
+  const JointMask before = std::exchange(moved_unheard_, 0);
+  for (std::size_t j = 0; j < std::min<std::size_t>(latest_.header.joint_count, kMaxJoints); ++j) {
+    if ((latest_.joints[j].reply_faults & bit(ReplyFault::moved_unheard)) == 0) continue;
+    moved_unheard_ |= bit_of_joint(j);
+    if ((before & bit_of_joint(j)) == 0 && on_moved_unheard_) on_moved_unheard_(latest_, j);
+  }
 }
 
 // A drive given up by a latched fault is not asked: its last velocity may be all that it left behind.

@@ -25,6 +25,9 @@ class TickFollower {
   TickFollower(ipc::SlotReader ticks, float rest_velocity, JointMask passive, OnTransition on_transition);
   // Called for every record in which a change of policy was asked for, came, or did not.
   void on_policy_change(OnTransition called) { on_policy_change_ = std::move(called); }
+  // Called once for every joint that reads elsewhere after a silence (ReplyFault::moved_unheard).
+  using OnJoint = std::function<void(const TickRecord&, std::size_t joint)>;
+  void on_moved_unheard(OnJoint called) { on_moved_unheard_ = std::move(called); }
 
   // Stops and faults, and what waits on the buses, are followed with these from now on; they outlive the follower.
   void tell(IncidentWatch& incidents) { incidents_ = &incidents; }
@@ -48,6 +51,7 @@ class TickFollower {
 
  private:
   void follow();
+  void follow_places();
   [[nodiscard]] JointMask asked_for_rest() const;
 
   ipc::SlotReader ticks_;
@@ -55,6 +59,8 @@ class TickFollower {
   JointMask passive_;
   OnTransition on_transition_;
   OnTransition on_policy_change_;
+  OnJoint on_moved_unheard_;
+  JointMask moved_unheard_ = 0;
   IncidentWatch* incidents_ = nullptr;
   QueueWatch* queues_ = nullptr;
   TickRecord latest_{};

@@ -37,6 +37,7 @@ const Danger kDangers[] = {
      [](RobotConfig& r) { r.joints[0].limits.velocity_hard = r.joints[0].drive.velocity_range; }},
     {"limits.torque_rate", [](RobotConfig& r) { r.joints[0].limits.torque_rate = 1e9; }},
     {"limits.position_margin", [](RobotConfig& r) { r.joints[0].limits.position_margin = 0; }},
+    {"within a turn, and limits.position is wider", [](RobotConfig& r) { r.joints[0].limits.q_max = 3.5; }},
     {"drive.watchdog_waiver", [](RobotConfig& r) { r.joints[0].drive.watchdog_waiver = "whatever"; }},
     {"model.gravity",
      [](RobotConfig& r) {

@@ -121,8 +121,11 @@ TEST(DriveCard, OfARobstride) {
                    {firmware, "", unknown},
                    {mode, "0 (motion)", agrees},
                    {velocity_range, "", unknown},
-                   {watchdog, "50 ms", agrees}});
+                   {watchdog, "50 ms", agrees},
+                   {home, "1 (-pi to pi)", told}});
   EXPECT_EQ(entry(entries, watchdog).source, "parameter 7028");
+  drive.position_after_power_up = config::PositionAfterPowerUp::within_a_turn;
+  EXPECT_EQ(entry(card_after_set_up(drive, drive), home).value, "0 (0 to 2 pi)") << "as delivered";
 }
 
 TEST(DriveCard, OfACyberGearHasItsStoredTimeOut) {

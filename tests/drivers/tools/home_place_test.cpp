@@ -38,6 +38,8 @@ TEST(HomePlace, WhoForgetsIt) {
   EXPECT_FALSE(forgets_home(joint_with(odrive, PositionAfterPowerUp::absolute).drive));
   EXPECT_TRUE(forgets_home(joint_with(odrive, PositionAfterPowerUp::unknown).drive));
   EXPECT_TRUE(forgets_home(joint_with(mit, PositionAfterPowerUp::one_of_several).drive));
+  EXPECT_TRUE(forgets_home(joint_with(robstride, PositionAfterPowerUp::within_a_turn).drive));
+  EXPECT_FALSE(forgets_home(joint_with(cia402, PositionAfterPowerUp::absolute).drive));
 }
 
 TEST(HomePlace, AMoteusIsToldTheTurnsOfItsOutput) {
@@ -77,6 +79,29 @@ TEST(HomePlace, TheNearestOfSeveralPlacesIsMeantUnlessInDoubt) {
   EXPECT_NE(steps(28).error().find("near none of them"), std::string::npos) << steps(28).error();
   ASSERT_FALSE(steps(125)) << "128 deg is no place of the joint's";
   EXPECT_NE(steps(125).error().find("outside limits.position"), std::string::npos) << steps(125).error();
+}
+
+TEST(HomePlace, WithinATurnOfTheDrivesOutputStepsAreTurnsOfIt) {
+  config::Joint joint = joint_with(config::DriveProtocol::robstride, PositionAfterPowerUp::within_a_turn);
+  EXPECT_NEAR(shift_between(joint, 350 * kDegree, -9 * kDegree).value(), -360 * kDegree, 1e-9);
+  joint.drive.gear_ratio = 2;
+  joint.drive.position_range = 25;
+  EXPECT_NEAR(shift_between(joint, 350 * kDegree, -9 * kDegree).value(), -360 * kDegree, 1e-9);
+  EXPECT_NEAR(shift_between(joint, 100 * kDegree, -79 * kDegree).value(), -180 * kDegree, 1e-9);
+}
+
+// Goal: a reading that says nothing is believed only if it would not be the same after a power cycle. Method: readings
+// on either side of 10 deg from where it was switched on, with an offset.
+TEST(HomePlace, OfADriveThatCountsFromItsStartAnyAngleIsMeantOnceItHasMoved) {
+  config::Joint joint = joint_with(config::DriveProtocol::cia402, PositionAfterPowerUp::unknown);
+  joint.drive.position_range = 0;
+  joint.drive.offset = 30 * kDegree;
+  EXPECT_NEAR(shift_between(joint, 41 * kDegree, -17.3 * kDegree).value(), -58.3 * kDegree, 1e-9);
+  EXPECT_NEAR(shift_between(joint, 19 * kDegree, 80 * kDegree).value(), 61 * kDegree, 1e-9);
+  ASSERT_FALSE(shift_between(joint, 38 * kDegree, 0));
+  EXPECT_NE(shift_between(joint, 38 * kDegree, 0).error().find("move the joint by more than 10.0 deg"),
+            std::string::npos);
+  EXPECT_FALSE(shift_between(joint, 41 * kDegree, 101 * kDegree)) << "no place of the joint's";
 }
 
 TEST(HomePlace, WhatTheDriveCannotSayFromThereIsRefused) {
@@ -121,6 +146,17 @@ TEST_F(Notes, HoldOnce) {
   EXPECT_EQ(first[1]->shift, 0.698);
   EXPECT_EQ(first[1]->left_at, 0.71);
   EXPECT_FALSE(take_home_notes(directory_, robot_)[1]);
+}
+
+TEST_F(Notes, MayBeLookedAtBeforeTheyAreTaken) {
+  write();
+  ASSERT_TRUE(home_notes(directory_, robot_)[1]);
+  const auto notes = take_home_notes(directory_, robot_);
+  ASSERT_TRUE(notes[1]);
+  EXPECT_FALSE(home_notes(directory_, robot_)[1]);
+  const config::RobotConfig homed = homed_robot(robot_, notes);
+  EXPECT_EQ(homed.joints[0].drive.offset, robot_.joints[0].drive.offset);
+  EXPECT_EQ(homed.joints[1].drive.offset, robot_.joints[1].drive.offset + 0.698);
 }
 
 TEST_F(Notes, OfAnotherRobotFileAnotherStartOfTheComputerOrTooLongAgoAreTakenAwayAndDoNotHold) {

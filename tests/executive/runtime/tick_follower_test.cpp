@@ -25,6 +25,7 @@ class TickFollowerTest : public testing::Test {
     record.header.drives_enabled = mode == Mode::standby ? 0 : 1;
     record.joints[0].drive_enabled = record.header.drives_enabled;
     record.joints[1].drive_enabled = given_up_ ? 0 : record.header.drives_enabled;
+    record.joints[1].reply_faults = moved_ ? bit(ReplyFault::moved_unheard) : ReplyFaultMask{};
     published_.tick(record);
   }
   PublishedSegments published_ = PublishedSegments::create(2).value();
@@ -35,6 +36,7 @@ class TickFollowerTest : public testing::Test {
   float q_ = 0;  // rad, joint 1
   Mode mode_ = Mode::standby;
   bool given_up_ = false;  // joint 1
+  bool moved_ = false;     // joint 1, unheard
 };
 
 TEST_F(TickFollowerTest, BeforeTheFirstTickThereIsNothing) {
@@ -64,6 +66,19 @@ TEST_F(TickFollowerTest, RestNeedsAHundredMillisecondsWithoutInterruption) {
   publish(Mode::damped_stop, 0.0F);
   follower_.catch_up();
   EXPECT_FALSE(follower_.rests()) << "a joint that was pushed meanwhile does not rest";
+}
+
+// Goal: a joint that reads elsewhere after a silence is told of, in any mode, once for each time.
+TEST_F(TickFollowerTest, AJointThatMovedUnheardIsToldOfOnce) {
+  std::vector<std::pair<std::uint64_t, std::size_t>> told;
+  follower_.on_moved_unheard(
+      [&told](const TickRecord& record, std::size_t joint) { told.emplace_back(record.header.tick, joint); });
+  for (const bool moved : {false, true, true, false, true}) {
+    moved_ = moved;
+    publish(Mode::tracking, 0);
+  }
+  follower_.catch_up();
+  EXPECT_EQ(told, (std::vector<std::pair<std::uint64_t, std::size_t>>{{2, 1}, {5, 1}}));
 }
 
 // Goal: a pole that nobody drives may swing on; its cart's process ends all the same.

@@ -91,7 +91,7 @@ TEST_P(BalancingRefusal, NamesTheMistakeAndTheRemedy) {
   ASSERT_NE(at, std::string::npos);
   text.replace(at, GetParam().from.size(), GetParam().to);
   if (GetParam().when.find("holds by itself") != std::string_view::npos)
-    text.replace(text.rfind("protocol: mit,"), 14, "protocol: cia402,");
+    text.replace(text.rfind("protocol: mit,"), 14, "protocol: cia402, position_after_power_up: absolute,");
   const auto robot = parse(text, "robot.yaml");
   ASSERT_FALSE(robot.has_value());
   EXPECT_NE(robot.error().find(GetParam().complaint), std::string::npos) << robot.error();
