@@ -174,6 +174,8 @@ std::expected<int, Refusal> jog(const JointOptions& options) {
   if (!index) return std::unexpected(index.error());
   const auto alone = require_alone(*robot);
   if (!alone) return std::unexpected(alone.error());
+  const auto notes = drivers::home_notes(robot->runtime_directory, robot->config);
+  robot->config = drivers::homed_robot(robot->config, notes);
   const config::Joint& joint = robot->config.joints[*index];
   if (joint.passive)
     return std::unexpected(
@@ -184,8 +186,6 @@ std::expected<int, Refusal> jog(const JointOptions& options) {
     return std::unexpected(
         Refusal{kExitUsage, fmt::format("--torque {} Nm exceeds limits.torque {} Nm of {}", torque, most, joint.name)});
   const bool carries = robot->config.model.has_value() && !options.without_gravity;
-  const auto notes = drivers::home_notes(robot->runtime_directory, robot->config);
-  robot->config = drivers::homed_robot(robot->config, notes);
   auto drives = Drives::open(*robot, *index, carries, notes);
   if (!drives) return std::unexpected(drives.error());
   const drivers::JogWish wish{options.by_degrees * drivers::kDegree, options.speed_degrees * drivers::kDegree, torque};

@@ -166,13 +166,12 @@ std::expected<int, Refusal> home(const HomeOptions& options) {
   if (!bus) return std::unexpected(bus.error());
   DriveListener listener(**bus, **driver, robot->config.control.period);
   if (!listener.wait_until_disabled()) return std::unexpected(refusal(joint, listener.why_not_disabled(joint.drive)));
-  if (const auto place = place_by_limits(joint, listener.feedback())) {
-    fmt::print(
-        "joint {} is at {:.2f} deg: of the turns that its drive cannot tell apart, limits.position leaves that one.\n"
-        "Nothing is to be said; if you see it elsewhere, its zero is wrong: takt bus zero\n",
-        joint.name, *place / drivers::kDegree);
-    return kExitOk;
-  }
+  if (const auto place = place_by_limits(joint, listener.feedback()))
+    return std::unexpected(refusal(
+        joint,
+        fmt::format("is at {:.2f} deg: of the turns that its drive cannot tell apart, limits.position leaves that "
+                    "one; if you see it elsewhere, its zero is wrong: takt bus zero",
+                    *place / drivers::kDegree)));
   if (options.to_stop.empty()) return make_known(*robot, *index, at, **bus, listener);
   const auto stop_at = lead_to_stop(*robot, *index, options, **bus, **driver);
   if (!stop_at) return std::unexpected(stop_at.error());

@@ -122,6 +122,7 @@ TEST(RobotPlant, FollowsAStepOfOneJointAndNoOther) {
 TEST(RobotPlant, DirectionOffsetAndGearAreTheSameThingOnBothSides) {
   config::RobotConfig robot = test::demo_arm();
   for (std::size_t i = 0; i < robot.joints.size(); ++i) {
+    robot.joints[i].drive.position_after_power_up = config::PositionAfterPowerUp::absolute;
     robot.joints[i].drive.direction = i % 2 == 0 ? -1 : 1;
     robot.joints[i].drive.offset = 0.1 * static_cast<double>(i) - 0.2;
     robot.joints[i].drive.gear_ratio = 1 + 0.5 * static_cast<double>(i % 3);

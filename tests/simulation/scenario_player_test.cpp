@@ -43,6 +43,10 @@ class Bench {
         trouble(robot_, 0),
         player_(parse_scenario("schema: takt.scenario/1\nevents:\n" + events, "s", robot_).value(), robot_,
                 [this](const std::string& line) { log.push_back(line); }) {
+    for (config::Joint& joint : robot_.joints) {  // which a devices file does not tell
+      joint.limits.q_min = -3;
+      joint.limits.q_max = 3;
+    }
     for (std::size_t joint = 0; joint < 2; ++joint)
       hosts.push_back(std::move(*drivers::make_joint_driver(robot_, joint)));
   }
