@@ -191,9 +191,9 @@ void RobstrideDevice::save(const drivers::CanFrame& frame) {
 }
 
 void RobstrideDevice::forget_place(double position) {
-  constexpr double kTurn = 2 * std::numbers::pi;
+  constexpr double kWholeTurn = 2 * std::numbers::pi;
   knows_place_ = true;
-  const double turns = (position - zero_) / kTurn;
+  const double turns = (position - zero_) / kWholeTurn;
   const bool counts_from_zero = !is_cybergear() && written_.at(kZeroState) == 0;
   const double places = drive_.places_per_turn / drive_.gear_ratio;
   switch (drive_.position_after_power_up) {
@@ -203,10 +203,10 @@ void RobstrideDevice::forget_place(double position) {
       zero_ = position;
       break;
     case config::PositionAfterPowerUp::one_of_several:
-      zero_ += kTurn / places * std::round(turns * places);
+      zero_ += kWholeTurn / places * std::round(turns * places);
       break;
     case config::PositionAfterPowerUp::within_a_turn:
-      zero_ += kTurn * (counts_from_zero ? std::floor(turns) : std::round(turns));
+      zero_ += kWholeTurn * (counts_from_zero ? std::floor(turns) : std::round(turns));
       break;
   }
 }

@@ -14,12 +14,12 @@ namespace takt::drivers {
 using config::PositionAfterPowerUp;
 
 double place_step(const config::Drive& drive) {
-  constexpr double kTurn = 2 * std::numbers::pi;
+  constexpr double kWholeTurn = 2 * std::numbers::pi;
   switch (drive.position_after_power_up) {
     case PositionAfterPowerUp::within_a_turn:
-      return kTurn / drive.gear_ratio;
+      return kWholeTurn / drive.gear_ratio;
     case PositionAfterPowerUp::one_of_several:
-      return kTurn / drive.places_per_turn;
+      return kWholeTurn / drive.places_per_turn;
     case PositionAfterPowerUp::absolute:
     case PositionAfterPowerUp::unknown:
       break;
