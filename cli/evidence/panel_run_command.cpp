@@ -21,13 +21,14 @@
 #include "evidence/panel/kept_inputs.hpp"
 #include "evidence/panel/panel_plan.hpp"
 #include "evidence/panel/panel_table.hpp"
+#include "evidence/panel/sequential_decision.hpp"
 #include "evidence/panel/worker_pool.hpp"
 
 namespace takt::cli {
 namespace {
 
 struct PanelRunOptions {
-  std::string panel, robot, out, only, method, world, policy_host, shard = "1/1";
+  std::string panel, robot, out, only, method, until_decided, world, policy_host, shard = "1/1";
   std::size_t workers = 1;
   std::uint64_t seeds = 0;  // 0: as many as the panel says
   bool resume = false, json = false, real_time = false, allow_non_realtime = false;
@@ -90,12 +91,16 @@ std::expected<void, std::string> keep(panel::ArtifactWriter& rows, const panel::
   return rows.append(ran.row);
 }
 
+// `decision`: under --until-decided.
 void print_summary(const PanelRunOptions& options, const std::string& id, const std::vector<panel::RolloutRow>& rows,
-                   std::size_t ran) {
+                   std::size_t ran, const std::optional<panel::SequentialDecision>& decision) {
   const auto succeeded = std::ranges::count_if(rows, &panel::RolloutRow::success);
   if (options.json) {
-    const nlohmann::ordered_json summary{
+    nlohmann::ordered_json summary{
         {"artifact", options.out}, {"rollouts", rows.size()}, {"ran_now", ran}, {"succeeded", succeeded}};
+    if (decision)
+      summary["until_decided"] = {
+          {"decided", decision->is_made()}, {"seeds", decision->seeds()}, {"evidence", decision->evidence()}};
     fmt::print("{}\n", summary.dump());
     return;
   }
@@ -103,6 +108,7 @@ void print_summary(const PanelRunOptions& options, const std::string& id, const 
   fmt::print("{}\n{}\n{}{}\n{}{}{} rollouts, {} of them now, {} succeeded: {} in {}\n", panel::panel_table(rows),
              panel::latency_table(rows), panel::motion_table(rows), panel::confusion_text(panel::confusions_of(rows)),
              harm, harm.empty() ? "" : "\n", rows.size(), ran, succeeded, id, options.out);
+  if (decision) fmt::print("{}\n", decision->text());
 }
 
 panel::Timing timing_of(const PanelRunOptions& options) {
@@ -112,15 +118,19 @@ panel::Timing timing_of(const PanelRunOptions& options) {
 
 std::expected<void, std::string> run_all(const PanelRunOptions& options, panel::Contest& contest,
                                          const std::vector<panel::PlannedRollout>& rollouts,
-                                         const std::optional<RealRollouts>& real, panel::ArtifactWriter& rows) {
+                                         const std::optional<RealRollouts>& real, panel::ArtifactWriter& rows,
+                                         std::optional<panel::SequentialDecision>& decision) {
   Progress progress("rollouts");
   std::size_t arrived = 0;
   const auto deliver = [&](const panel::RanRollout& ran) {
     progress.show(++arrived, rollouts.size());
+    if (decision) decision->add(ran.row);
     return keep(rows, ran);
   };
-  if (!real) return panel::run_in_workers(contest, rollouts, options.workers, deliver);
+  const auto is_enough = [&] { return decision && decision->is_made(); };
+  if (!real) return panel::run_in_workers(contest, rollouts, options.workers, deliver, is_enough);
   for (const panel::PlannedRollout& planned : rollouts) {
+    if (is_enough()) break;
     const auto ran = real->run(planned);
     if (!ran) return std::unexpected(ran.error());
     if (auto done = deliver(*ran); !done) return done;
@@ -137,6 +147,14 @@ int run(const PanelRunOptions& options) {
     std::erase_if(panel->methods, [&](const auto& one) { return one.name != options.method; });
     if (panel->methods.empty())
       return refuse(kExitUsage, "takt panel run: --method " + options.method + ": no method of this panel");
+  }
+  std::array<std::string, 2> rivals;
+  if (!options.until_decided.empty()) {
+    auto two = panel::keep_two_methods(options.until_decided, *panel);
+    if (!two)
+      return refuse(kExitUsage,
+                    fmt::format("takt panel run: --until-decided {}: {}", options.until_decided, two.error()));
+    rivals = std::move(*two);
   }
   if (options.seeds != 0) panel->seed_count = options.seeds;
   panel->robot = options.robot;
@@ -158,6 +176,8 @@ int run(const PanelRunOptions& options) {
     if (plan.empty())
       return refuse(kExitUsage, "takt panel run: --only " + options.only + ": no rollout of this panel");
   }
+  std::optional<panel::SequentialDecision> decision;
+  if (!options.until_decided.empty()) decision.emplace(rivals, plan);
   std::optional<RealRollouts> real;
   if (options.real_time) {
     auto made = RealRollouts::make(*contest, options.out, options.policy_host, options.allow_non_realtime);
@@ -167,19 +187,24 @@ int run(const PanelRunOptions& options) {
   panel::ArtifactManifest manifest = contest->manifest(plan.size());
   manifest.timing = timing_of(options);
   manifest.shard = {shard->index, shard->count};
+  if (decision) manifest.until_decided = {rivals.begin(), rivals.end()};
   auto rows = open_writer(options, manifest, contest->panel().text);
   if (!rows) return refuse(kExitFailed, "takt panel run: " + rows.error());
   if (const auto kept = panel::keep_inputs(*contest, rows->folder()); !kept)
     return refuse(kExitFailed, "takt panel run: " + kept.error());
 
+  if (decision)
+    for (const panel::RolloutRow& row : rows->rows()) decision->add(row);
   std::vector<panel::PlannedRollout> remaining;
   for (const panel::PlannedRollout& one : plan)
     if (!rows->has(contest->identity(one))) remaining.push_back(one);
-  const auto done = run_all(options, *contest, remaining, real, *rows);
+  const std::size_t there = rows->rows().size();
+  const auto done = run_all(options, *contest, remaining, real, *rows, decision);
   if (!done) return refuse(kExitFailed, "takt panel run: " + done.error());
+  if (decision && decision->is_made()) rows->end_plan_after(decision->seeds());
   const auto finished = rows->finish();
   if (!finished) return refuse(kExitFailed, "takt panel run: " + finished.error());
-  print_summary(options, finished->artifact_id, rows->rows(), remaining.size());
+  print_summary(options, finished->artifact_id, rows->rows(), rows->rows().size() - there, decision);
   return kExitOk;
 }
 
@@ -198,7 +223,13 @@ void add_panel_run(CLI::App& panel, int& exit_code) {
   command->add_option("--method", options->method, "run this one of the panel's methods");
   command->add_option("--seeds", options->seeds, "this many seeds from the first on, instead of the panel's count")
       ->check(CLI::Range(1, 1'000'000));
-  command->add_option("--only", options->only, "run the one rollout of this id, as post-mortems name it");
+  command
+      ->add_option("--until-decided", options->until_decided,
+                   "A,B: run only these two methods, seed by seed, until it is decided which succeeds more often")
+      ->excludes(command->get_option("--shard"))
+      ->excludes(command->get_option("--method"));
+  command->add_option("--only", options->only, "run the one rollout of this id, as post-mortems name it")
+      ->excludes(command->get_option("--until-decided"));
   auto* const real_time =
       command->add_flag("--real-time", options->real_time, "with real processes, one robot after the other");
   command

@@ -149,6 +149,7 @@ std::string artifact_id_of(const ArtifactManifest& manifest, std::span<const Rol
   for (const auto& [name, method] : manifest.methods)
     for (const auto& [task, facts] : method.tasks)
       text += fmt::format("{} {} {} {} {}\n", name, task, facts.max_age_ms, facts.epsilon, facts.confidence);
+  for (const std::string& method : manifest.until_decided) text += fmt::format("until decided {}\n", method);
   for (const std::string& line : lines) text += line;
   return fmt::format("{}-{}", manifest.panel, config::sha256_hex(text).substr(0, kIdDigits));
 }

@@ -98,6 +98,9 @@ class ArtifactWriter {
 
   // The row is on the medium when this returns.
   std::expected<void, std::string> append(const RolloutRow& row);
+  // Success was decided after so many seeds of the plan (`manifest.until_decided`): they are the plan from now on, and
+  // their rows the planned ones.
+  void end_plan_after(std::uint64_t seeds);
   // All planned rollouts are there: writes rollouts.parquet and confusion.json, names the artifact and closes the
   // manifest.
   std::expected<ArtifactManifest, std::string> finish();

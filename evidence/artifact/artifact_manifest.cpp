@@ -26,13 +26,13 @@ struct BadManifest {
 };
 
 void check_object(const Json& json, std::string_view what, std::initializer_list<std::string_view> keys,
-                  std::string_view optional = "") {
+                  std::initializer_list<std::string_view> optional = {}) {
   if (!json.is_object()) throw BadManifest{fmt::format("{} is not an object", what)};
   for (const std::string_view key : keys) {
     if (!json.contains(key)) throw BadManifest{fmt::format("{}.{} is missing", what, key)};
   }
   for (const auto& [key, value] : json.items()) {
-    if (std::ranges::find(keys, key) == keys.end() && key != optional)
+    if (std::ranges::find(keys, key) == keys.end() && std::ranges::find(optional, key) == optional.end())
       throw BadManifest{fmt::format("{}.{} is unknown", what, key)};
   }
 }
@@ -79,7 +79,8 @@ MethodFacts method_of(const Json& json, const std::string& name) {
   return method;
 }
 
-constexpr const char* kOutside = "outside";  // left out where there was none
+// Left out where there was none.
+constexpr const char *kOutside = "outside", *kUntilDecided = "until_decided";
 
 Json program_json(const OutsideProgram& program) {
   if (program.command.empty()) return nullptr;
@@ -104,7 +105,7 @@ ArtifactManifest read(const Json& json) {
   check_object(json, "manifest",
                {"schema", "artifact_id", "complete", "timing", "panel", "seed_plan", "script", "row_schema_sha256",
                 "plants", "methods", "claims", "planned_rollouts", "shard", "merged_from", "host", "started", "ended"},
-               kOutside);
+               {kOutside, kUntilDecided});
   ArtifactManifest manifest;
   manifest.artifact_id = json.at("artifact_id");
   manifest.complete = json.at("complete");
@@ -137,6 +138,7 @@ ArtifactManifest read(const Json& json) {
   const Json& shard = json.at("shard");
   check_object(shard, "shard", {"index", "count"});
   manifest.shard = {shard.at("index"), shard.at("count")};
+  if (json.contains(kUntilDecided)) json.at(kUntilDecided).get_to(manifest.until_decided);
   json.at("merged_from").get_to(manifest.merged_from);
   manifest.host = json.at("host");
   manifest.started_unix_ns = moment_of(json.at("started"), "started");
@@ -171,6 +173,13 @@ std::string plant_difference(const ArtifactManifest& a, const ArtifactManifest& 
 
 }  // namespace
 
+SeedPlan seed_plan_of(std::uint64_t first, std::uint64_t count) {
+  SeedPlan plan{.rule = fmt::format("seeds {} to {}, the same for every method", first, first + count - 1),
+                .seeds = {}};
+  for (std::uint64_t seed = 0; seed < count; ++seed) plan.seeds.push_back(first + seed);
+  return plan;
+}
+
 std::string contents_of(const OutsideProgram& program) {
   std::set<std::string> hashes;
   for (const auto& [file, sha256] : program.files) hashes.insert(sha256);
@@ -200,6 +209,7 @@ Json to_json(const ArtifactManifest& manifest) {
                       {"policy_host", program_json(manifest.outside.policy_host)}};
   json["planned_rollouts"] = manifest.planned_rollouts;
   json["shard"] = {{"index", manifest.shard.index}, {"count", manifest.shard.count}};
+  if (!manifest.until_decided.empty()) json[kUntilDecided] = manifest.until_decided;
   json["merged_from"] = manifest.merged_from;
   json["host"] = manifest.host;
   json["started"] = moment(manifest.started_unix_ns);

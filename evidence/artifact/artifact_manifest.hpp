@@ -31,6 +31,8 @@ struct SeedPlan {
   std::vector<std::uint64_t> seeds;  // in plan order
   friend bool operator==(const SeedPlan&, const SeedPlan&) = default;
 };
+// `count` > 0 seeds from `first` on.
+SeedPlan seed_plan_of(std::uint64_t first, std::uint64_t count);
 
 // A method on one task: its configuration is that task's robot, with what the method says otherwise.
 struct TaskFacts {
@@ -87,6 +89,8 @@ struct ArtifactManifest {
   OutsidePrograms outside;
   std::uint64_t planned_rollouts = 0;  // of its shard
   ShardFacts shard;
+  // Both methods, where the panel ends as soon as their success is decided (sequential_decision.hpp).
+  std::vector<std::string> until_decided;
   bool complete = false;                                // every planned rollout has its row
   std::vector<std::string> merged_from;                 // artifact ids
   nlohmann::ordered_json host = nullptr;                // of the machine that computed it, and of the program

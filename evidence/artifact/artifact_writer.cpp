@@ -168,6 +168,7 @@ std::expected<ArtifactWriter, std::string> ArtifactWriter::resume(const std::str
   if (wanted.schema_sha256.empty()) wanted.schema_sha256 = rollout_schema_sha256();
   std::string reason = difference_between(*found, wanted, path, "this panel");
   if (reason.empty()) reason = method_difference(*found, wanted);
+  if (reason.empty() && found->until_decided != wanted.until_decided) reason = "its --until-decided differs";
   if (reason.empty() && found->complete) reason = "it is complete";
   if (!reason.empty()) return std::unexpected(fmt::format("cannot go on with {}: {}", path, reason));
   if (auto cut = cut_unsealed_row(folder); !cut) return std::unexpected(cut.error());
@@ -202,6 +203,11 @@ std::expected<void, std::string> ArtifactWriter::append(const RolloutRow& row) {
   ids_.insert(rollout_id(row));
   artifact_.rows.push_back(row);
   return {};
+}
+
+void ArtifactWriter::end_plan_after(std::uint64_t seeds) {
+  artifact_.manifest.seed_plan = seed_plan_of(artifact_.manifest.seed_plan.seeds.front(), seeds);
+  artifact_.manifest.planned_rollouts = rows().size();
 }
 
 std::expected<ArtifactManifest, std::string> ArtifactWriter::finish() {

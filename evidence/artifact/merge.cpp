@@ -43,6 +43,8 @@ std::string mixture(std::span<const Artifact> artifacts) {
   for (const Artifact& artifact : artifacts) {
     const std::string& folder = artifact.folder.path();
     if (!artifact.manifest.complete) return fmt::format("{} is unfinished", folder);
+    if (!artifact.manifest.until_decided.empty())
+      return fmt::format("{} ended when it was decided (--until-decided): it stands alone", folder);
     if (artifact.rows.size() != artifact.manifest.planned_rollouts)
       return fmt::format("{} holds {} of {} planned rollouts", folder, artifact.rows.size(),
                          artifact.manifest.planned_rollouts);

@@ -269,6 +269,9 @@ std::expected<Attestation, std::string> attest(const Artifact& artifact, const c
   const ArtifactManifest& manifest = artifact.manifest;
   if (!manifest.complete)
     return std::unexpected(artifact.folder.path() + ": not every rollout has its row; run the panel with --resume");
+  if (!artifact.manifest.until_decided.empty())
+    return std::unexpected(artifact.folder.path() +
+                           ": its outcomes chose its number of seeds (--until-decided); run the panel with --seeds");
   const auto offered = config::offered_as_safe(robot);
   if (std::ranges::find(offered, of, &config::Offer::of) == offered.end())
     return std::unexpected(

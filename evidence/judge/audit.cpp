@@ -106,6 +106,7 @@ AuditItem perturbation_panel(const Artifact& artifact, const Promise& promise) {
                  .answer = fmt::format("{}, {} seeds ({}):", manifest.panel, manifest.seed_plan.seeds.size(),
                                        manifest.seed_plan.rule),
                  .missing = {}};
+  if (!manifest.until_decided.empty()) item.answer.insert(item.answer.size() - 1, "; ends when success is decided");
   for (const auto& [name, count] : perturbations) item.answer += fmt::format(" {} {},", name, count);
   item.answer.back() = perturbations.empty() ? ' ' : '.';
   const bool any = std::ranges::any_of(perturbations, [](const auto& each) { return each.first != "none"; });

@@ -230,6 +230,13 @@ void add_notes(const Artifact& a, const Artifact& b, Comparison& out) {
   for (const auto& [name, side] : {std::pair{"A", &out.a}, std::pair{"B", &out.b}}) {
     if (side->unpaired != 0) out.notes.push_back(fmt::format("{} rows of {} have no partner", side->unpaired, name));
   }
+  for (const auto& [name, artifact] : {std::pair{"A", &a}, std::pair{"B", &b}}) {
+    if (artifact->manifest.until_decided.empty()) continue;
+    out.notes.push_back(
+        fmt::format("{} ends when success is decided: of success only the line \"at any look\" is valid; intervals "
+                    "and p values presume a number of seeds chosen before",
+                    name));
+  }
   if (contents_of(a.manifest.outside.policy_host) != contents_of(b.manifest.outside.policy_host))
     out.notes.emplace_back("other programs answer for the policies of A than for those of B (--policy-host)");
   if (const auto of_a = builds_of(a), of_b = builds_of(b); !of_a.empty() && !of_b.empty() && of_a != of_b)

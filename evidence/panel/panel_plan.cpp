@@ -222,9 +222,7 @@ ArtifactManifest Contest::manifest(std::size_t planned) const {
   made.claims = panel_.claims;
   made.outside = {outside_program(outside_.world), outside_program(outside_.policy)};
   made.planned_rollouts = planned;
-  const std::uint64_t last = panel_.first_seed + panel_.seed_count - 1;
-  made.seed_plan.rule = fmt::format("seeds {} to {}, the same for every method", panel_.first_seed, last);
-  for (std::uint64_t seed = panel_.first_seed; seed <= last; ++seed) made.seed_plan.seeds.push_back(seed);
+  made.seed_plan = seed_plan_of(panel_.first_seed, panel_.seed_count);
   for (std::size_t task = 0; task < panel_.tasks.size(); ++task) {
     for (std::size_t method = 0; method < panel_.methods.size(); ++method) {
       const Contestant& who = contestant({.task = task, .method = method});

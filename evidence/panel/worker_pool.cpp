@@ -55,9 +55,10 @@ std::expected<RanRollout, std::string> ran_of(const std::string& row_line, const
   return RanRollout{std::move(*row), nlohmann::json::parse(post_mortem_line).get<std::string>()};
 }
 
-// In the child. Never returns.
+// In the child. Never returns. Ends when nobody reads what it writes.
 [[noreturn]] void work(Contest& contest, std::span<const PlannedRollout> rollouts, std::size_t first,
                        std::size_t stride, int out) {
+  ::signal(SIGPIPE, SIG_IGN);
   for (std::size_t i = first; i < rollouts.size(); i += stride) {
     bool failed = false;
     const std::string report = report_of(contest.run(rollouts[i]), failed);
@@ -75,14 +76,16 @@ class Worker {
   Worker(const Worker&) = delete;
   Worker& operator=(const Worker&) = delete;
   ~Worker() {
-    ::close(in_);
+    if (in_ >= 0) ::close(in_);
     if (!has_ended_) ::kill(pid_, SIGKILL);
     ::waitpid(pid_, nullptr, 0);
   }
 
+  // `others`: the workers that run already.
   static std::expected<std::unique_ptr<Worker>, std::string> start(Contest& contest,
                                                                    std::span<const PlannedRollout> rollouts,
-                                                                   std::size_t first, std::size_t stride) {
+                                                                   std::size_t first, std::size_t stride,
+                                                                   std::span<const std::unique_ptr<Worker>> others) {
     std::array<int, 2> pipe{};
     if (::pipe2(pipe.data(), O_CLOEXEC) != 0) return refusal("no pipe for a worker");
     std::fflush(nullptr);
@@ -90,6 +93,8 @@ class Worker {
     if (pid < 0) return refusal("no worker process");
     if (pid == 0) {
       ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+      ::close(pipe[0]);
+      for (const auto& other : others) ::close(other->in_);
       work(contest, rollouts, first, stride, pipe[1]);
     }
     ::close(pipe[1]);
@@ -118,6 +123,12 @@ class Worker {
   void let_end() {
     while (read_more()) {
     }
+  }
+  // The rest of its rollouts is not wanted: it ends after the one that it plays.
+  void dismiss() {
+    ::close(in_);
+    in_ = -1;
+    has_ended_ = true;
   }
 
  private:
@@ -152,15 +163,20 @@ bool wait_for(Workers& workers, std::size_t wanted) {
 }  // namespace
 
 std::expected<void, std::string> run_in_workers(Contest& contest, std::span<const PlannedRollout> rollouts,
-                                                std::size_t workers, const DeliverRow& deliver) {
+                                                std::size_t workers, const DeliverRow& deliver,
+                                                const IsEnough& is_enough) {
   const std::size_t count = std::min(std::max<std::size_t>(workers, 1), std::max<std::size_t>(rollouts.size(), 1));
   Workers running;
   for (std::size_t i = 0; i < count; ++i) {
-    auto worker = Worker::start(contest, rollouts, i, count);
+    auto worker = Worker::start(contest, rollouts, i, count, running);
     if (!worker) return std::unexpected(worker.error());
     running.push_back(std::move(*worker));
   }
   for (std::size_t i = 0; i < rollouts.size(); ++i) {
+    if (is_enough && is_enough()) {
+      for (const auto& worker : running) worker->dismiss();
+      return {};
+    }
     std::deque<std::string>& lines = running[i % count]->lines();
     while (!is_whole_report(lines))
       if (!wait_for(running, i % count))

@@ -19,8 +19,11 @@ namespace takt::panel {
 
 // An error ends the run.
 using DeliverRow = std::function<std::expected<void, std::string>(const RanRollout&)>;
+// Asked before each rollout; true ends the run, and what the workers have computed beyond it is dropped.
+using IsEnough = std::function<bool()>;
 
 std::expected<void, std::string> run_in_workers(Contest& contest, std::span<const PlannedRollout> rollouts,
-                                                std::size_t workers, const DeliverRow& deliver);
+                                                std::size_t workers, const DeliverRow& deliver,
+                                                const IsEnough& is_enough = {});
 
 }  // namespace takt::panel

@@ -13,6 +13,7 @@
 #include "evidence/panel/panel_plan.hpp"
 #include "evidence/panel/panel_table.hpp"
 #include "evidence/panel/recompute.hpp"
+#include "evidence/panel/sequential_decision.hpp"
 #include "evidence/panel/worker_pool.hpp"
 #include "monitor/record/bounded_file.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
@@ -224,6 +225,78 @@ TEST(OutsideProgram, IsKnownByTheFilesThatItsCommandNames) {
   EXPECT_EQ(difference_between(a, b), "");
   b.outside.world = outside_program("sh config/cart_pole.yaml");
   EXPECT_NE(difference_between(a, b).find("the world's program differs: A has "), std::string::npos);
+}
+
+// Goal: a panel ends with the seed that decides, killed and resumed or not. Method: two methods of which one never
+// moves; six seeds that all say the same are too few (14.4 of 20), seven are enough (26.8).
+class DecidedPanel : public monitor::TemporaryFolder {
+ protected:
+  DecidedPanel() {
+    Panel panel = load_panel("config/panels/smoke.yaml").value();
+    panel.methods = {panel.methods[0], panel.methods[0], panel.methods[0]};
+    panel.methods[1].name = "still";
+    panel.methods[2].name = "third";
+    panel.seed_count = 50;
+    rivals = keep_two_methods("still,takt", panel).value();
+    plan = plan_of(panel, {});
+  }
+  [[nodiscard]] RolloutRow row_of(const PlannedRollout& planned, bool success) const {
+    RolloutRow row;
+    row.method = planned.method == 0 ? "takt" : "still";
+    row.seed = planned.seed;
+    row.success = success;
+    return row;
+  }
+  std::array<std::string, 2> rivals;
+  std::vector<PlannedRollout> plan;
+};
+
+TEST_F(DecidedPanel, LooksAfterWholeSeedsOnly) {
+  SequentialDecision decision(rivals, plan);
+  ASSERT_EQ(plan.size(), 500U) << "two methods, five perturbations";
+  EXPECT_TRUE(std::ranges::is_sorted(plan, {}, &PlannedRollout::seed));
+  for (const PlannedRollout& one : plan) {
+    decision.add(row_of(one, one.method == 0));
+    if (decision.is_made()) break;
+  }
+  EXPECT_EQ(decision.text(), "decided: takt succeeds more often than still after 7 seeds, evidence 26.8 of 20");
+}
+
+TEST_F(DecidedPanel, StaysUndecidedBetweenEquals) {
+  SequentialDecision decision(rivals, plan);
+  for (const PlannedRollout& one : plan) decision.add(row_of(one, one.seed % 2 == one.method));
+  EXPECT_EQ(decision.seeds(), 50U);
+  EXPECT_FALSE(decision.is_made());
+  EXPECT_EQ(decision.text().substr(0, 51), "undecided between still and takt after 50 seeds, ev");
+}
+
+TEST(KeepTwoMethods, SaysWhatToWrite) {
+  Panel panel = load_panel("config/panels/smoke.yaml").value();
+  EXPECT_EQ(keep_two_methods("takt", panel).error(), "write two methods, such as takt,plain");
+  EXPECT_EQ(keep_two_methods("takt,a,b", panel).error(), "write two methods, such as takt,plain");
+  EXPECT_EQ(keep_two_methods("takt,takt", panel).error(), "write two different methods");
+  EXPECT_EQ(keep_two_methods("takt,plain", panel).error(), "the panel has no method plain");
+  EXPECT_EQ(panel.methods.size(), 1U);
+}
+
+// What the workers would still say does not fit into their pipes.
+TEST(PanelRun, EndsWhenItIsEnough) {
+  auto panel = load_panel("config/panels/smoke.yaml");
+  panel->seed_count = 10'000;
+  panel->duration = milliseconds(3'500);
+  Contest contest = Contest::prepare(std::move(*panel)).value();
+  for (const std::size_t workers : {1U, 2U, 3U}) {
+    std::size_t delivered = 0;
+    const auto done = run_in_workers(
+        contest, plan_of(contest.panel(), {}), workers,
+        [&](const RanRollout&) -> std::expected<void, std::string> {
+          ++delivered;
+          return {};
+        },
+        [&] { return delivered == 2; });
+    EXPECT_TRUE(done.has_value());
+    EXPECT_EQ(delivered, 2U);
+  }
 }
 
 TEST(PanelRun, AnErrorWhileDeliveringEndsTheRun) {
