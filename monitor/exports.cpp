@@ -12,6 +12,7 @@ namespace takt::monitor {
 namespace {
 
 constexpr Duration kPublishPeriod = milliseconds(200);
+constexpr std::uint64_t kMaxOtlpFileBytes = std::uint64_t{4} << 30U;  // of each file in each run folder
 
 OtlpSource source_of(const RunManifest& manifest) {
   return {manifest.robot, manifest.run_id, manifest.config_sha256, std::string(version()),
@@ -20,8 +21,8 @@ OtlpSource source_of(const RunManifest& manifest) {
 
 }  // namespace
 
-Exports::Exports(const config::RobotConfig& robot, const std::string& runtime_directory, std::uint64_t max_file_bytes)
-    : robot_(robot), max_file_bytes_(max_file_bytes), metrics_(robot) {
+Exports::Exports(const config::RobotConfig& robot, const std::string& runtime_directory)
+    : robot_(robot), metrics_(robot) {
   if (robot.dds) dds_.emplace(robot, runtime_directory);
   if (robot.prometheus) prometheus_.emplace(robot);
   if (robot.otlp && !robot.otlp->endpoint.empty()) otlp_sender_.emplace(robot.otlp->endpoint);
@@ -34,8 +35,19 @@ void Exports::begin(const RunManifest& manifest, const std::string& folder, Mono
   monitors_.reset();
   if (robot_.policy && robot_.policy->monitors) monitors_.emplace(robot_);
   if (dds_) condenser_.emplace(robot_, manifest.clock.monotonic_to_unix_ns, now, dds_->outbox());
+  begin_otlp(manifest, folder, now);
+}
+
+void Exports::go_on(const RunManifest& manifest, const std::string& folder, MonoTime now) {
+  metrics_.run_id = manifest.run_id;
+  if (otlp_) otlp_->finish(now);
+  otlp_.reset();
+  begin_otlp(manifest, folder, now);
+}
+
+void Exports::begin_otlp(const RunManifest& manifest, const std::string& folder, MonoTime now) {
   if (!robot_.otlp) return;
-  auto exporter = OtlpExporter::start(robot_, source_of(manifest), folder, max_file_bytes_,
+  auto exporter = OtlpExporter::start(robot_, source_of(manifest), folder, kMaxOtlpFileBytes,
                                       otlp_sender_ ? &*otlp_sender_ : nullptr, now);
   if (exporter)
     otlp_.emplace(std::move(*exporter));

@@ -23,10 +23,12 @@ namespace takt::monitor {
 class Exports {
  public:
   // `robot` outlives the exports.
-  Exports(const config::RobotConfig& robot, const std::string& runtime_directory, std::uint64_t max_file_bytes);
+  Exports(const config::RobotConfig& robot, const std::string& runtime_directory);
 
   // Records of before `now` are history: they are counted, but no event that others act on comes of them.
   void begin(const RunManifest& manifest, const std::string& folder, MonoTime now);
+  // The session goes on in another run folder.
+  void go_on(const RunManifest& manifest, const std::string& folder, MonoTime now);
   // A sink that hands everything to `recorded` and here; both outlive it.
   RecordSink also_to(const RecordSink& recorded);
   // `unrecorded_ticks`: of this session, so far.
@@ -37,9 +39,9 @@ class Exports {
 
  private:
   void tell_catches();
+  void begin_otlp(const RunManifest& manifest, const std::string& folder, MonoTime now);
 
   const config::RobotConfig& robot_;
-  std::uint64_t max_file_bytes_;
   LiveMetrics metrics_;  // over all sessions
   MonoTime began_, published_at_;
   std::optional<dds::Exporter> dds_;

@@ -33,7 +33,7 @@
 #include "monitor/policy_input_session.hpp"
 #include "monitor/record/bounded_file.hpp"
 #include "monitor/record/record_stream.hpp"
-#include "monitor/record/recorder.hpp"
+#include "monitor/record/run_parts.hpp"
 
 namespace {
 
@@ -52,7 +52,7 @@ static_assert(std::atomic<bool>::is_always_lock_free);
 
 struct Options {
   std::string robot_file, runtime_directory, run_directory, review;
-  std::uint64_t max_file_mib = kDefaultMaxFileBytes >> 20U;
+  std::uint64_t part_mib = kDefaultPartBytes >> 20U;
 };
 
 void stop_on_signals() {
@@ -107,7 +107,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   const auto folder = RunFolder::create(wanted_folder(options, robot, manifest.run_id));
   if (folder) manifest.run_id = std::filesystem::path(folder->path()).filename();  // one name for one run
   auto recorder =
-      folder ? Recorder::start(*folder, manifest, robot, options.max_file_mib << 20U) : std::unexpected(folder.error());
+      folder ? RunParts::start(*folder, manifest, robot, options.part_mib << 20U) : std::unexpected(folder.error());
   auto stream = RecordStream::attach(session.rings(), robot.joints.size(), config::largest_command_of(robot));
   if (!recorder || !stream) {
     spdlog::error("{}", recorder ? stream.error() : recorder.error());
@@ -118,11 +118,17 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   PolicyInputSession candidate_inputs(options.runtime_directory, robot, Player::candidate);
   spdlog::info("recording into {}", folder->path());
   exports.begin(manifest, folder->path(), monotonic_now());
-  ImageWatch images(options.runtime_directory, robot, *folder);
+  auto images = std::make_shared<ImageWatch>(options.runtime_directory, robot, *folder);
+  (*recorder)->on_seam([&](const RunFolder& next, const RunManifest& of_next) -> RunParts::LastWords {
+    spdlog::info("recording goes on in {}", next.path());
+    exports.go_on(of_next, next.path(), monotonic_now());
+    auto before = std::exchange(images, std::make_shared<ImageWatch>(options.runtime_directory, robot, next));
+    return [before = std::move(before)](const RecordSink& last) { before->finish(last); };
+  });
   RecordSink sink = exports.also_to((*recorder)->sink());
   sink.policy_input = [&, record = sink.policy_input](const RecordedPolicyInput& input) {
     record(input);
-    if ((*recorder)->stop_reason().empty()) images.shown(input.input);
+    if ((*recorder)->stop_reason().empty()) images->shown(input.input);
   };
   sink.loss = [declare = sink.loss, said = false](const Loss& loss) mutable {
     declare(loss);
@@ -137,6 +143,15 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
       spdlog::error("recording stopped: {}; what the robot does from here on is not recorded",
                     (*recorder)->stop_reason());
   };
+  auto tell_if_it_goes_on_here = [&, said = std::string()]() mutable {
+    const std::string& why = (*recorder)->failure();
+    if (why != said && !why.empty())
+      spdlog::error("no next part of the record: {}; it goes on in {}", why, (*recorder)->folder().path());
+    said = why;
+  };
+  auto review = [&](const std::string& closed) {
+    if (const auto begun = reviews.begin(closed); !begun) spdlog::warn("{}", begun.error());
+  };
   auto tell_progress = [&, told = std::uint64_t{0}]() mutable {
     const std::uint64_t through = (*recorder)->written_through();
     if (std::exchange(told, through) != through) session.tell_recorded(through);
@@ -147,7 +162,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     stream->drain(sink, is_last);
     for (PolicyInputSession* const session_of : {&inputs, &fallback_inputs, &candidate_inputs})
       session_of->drain(monotonic_now(), sink);
-    images.hand_on(sink);
+    images->hand_on(sink);
   };
   MonoTime next = monotonic_now();
   while (!g_stop && !session.is_over()) {
@@ -158,7 +173,9 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     (*recorder)->flush_if_due(monotonic_now());
     if (const auto changed = cards.look(monotonic_now())) (*recorder)->drive_cards(*changed);
     tell_if_stopped();
+    tell_if_it_goes_on_here();
     tell_progress();
+    for (const std::string& closed : (*recorder)->take_closed()) review(closed);
     exports.drained(monotonic_now());
     reviews.look();
     next = std::max(next + kDrainPeriod, monotonic_now());
@@ -166,12 +183,13 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   }
   session.tell_recorded(0);  // before the last words: closing a run takes its time
   drain_all(true);
-  images.finish(sink);
+  images->finish(sink);
   const char* why = g_stop ? "monitor told to end" : "executive ended";
   if (const auto written = (*recorder)->finish(monotonic_now(), why); !written) spdlog::error("{}", written.error());
   tell_if_stopped();
   exports.end(monotonic_now(), session.is_over());
-  if (const auto begun = reviews.begin(folder->path()); !begun) spdlog::warn("{}", begun.error());
+  for (const std::string& closed : (*recorder)->take_closed()) review(closed);
+  review((*recorder)->folder().path());
   spdlog::info("run of {} ticks closed: {}", (*recorder)->manifest().ticks, why);
   return (*recorder)->stop_reason().empty() ? Recorded::whole : Recorded::in_part;
 }
@@ -186,7 +204,7 @@ int monitor_robot(Options options) {
   std::uint64_t policy_hash = 0;
   if (robot->policy) policy_hash = config::policy_hash(robot->policy->file).value_or(0);
   trace::Introduction introduction("takt-monitor", robot->hash, policy_hash, robot->joints);
-  Exports exports(*robot, options.runtime_directory, options.max_file_mib << 20U);
+  Exports exports(*robot, options.runtime_directory);
   ClosingReviews reviews;
   std::string said;
   int exit_code = 0;
@@ -221,9 +239,11 @@ int main(int argc, char** argv) {
   what->require_option(1);
   app.add_option("--runtime-dir", options.runtime_directory,
                  "default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt");
-  app.add_option("--run-dir", options.run_directory,
-                 "run folder; default <record.directory>/<UTC time>-<robot>-<id>; a second session gets .2 behind it");
-  app.add_option("--max-file-mib", options.max_file_mib, "recording stops when ticks.mcap or can.log reaches it")
+  app.add_option(
+      "--run-dir", options.run_directory,
+      "run folder; default <record.directory>/<UTC time>-<robot>-<id>; a second session, or part, gets .2 behind it");
+  app.add_option("--max-file-mib", options.part_mib,
+                 "the record goes on in a folder of its own when ticks.mcap or can.log.zst has this size")
       ->capture_default_str()
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 30U));
   app.footer(

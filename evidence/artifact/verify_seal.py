@@ -26,7 +26,7 @@ STATEMENT_TYPE = "https://in-toto.io/Statement/v1"
 PREDICATE_TYPE = "https://in-toto.io/attestation/test-result/v0.1"
 MOST_BYTES = 4 << 30
 EVENTS = "events.jsonl"  # its writer goes on when the run is closed; absent where nothing wrote it
-GROWN = ("ticks.mcap", "can.log", "transitions.jsonl", EVENTS)
+GROWN = ("ticks.mcap", "can.log.zst", "transitions.jsonl", EVENTS)  # "can.log" of earlier versions: the same lines, plain
 WHOLE = ("manifest.json", "config.yaml", "drives.json")
 
 # The curve of RFC 8032, section 5.1.
@@ -228,7 +228,7 @@ def check_run(folder):
     """The run's id and its number of segments. Raises Refused where a file is not as it was recorded."""
     seal = parsed(content(folder, "seal.json"), "seal.json")
     files, grown = seal.get("files"), seal.get("segments")
-    if seal.get("schema") != "takt.run_seal/1" or not isinstance(files, dict) or not isinstance(grown, dict) or set(grown) != set(GROWN):
+    if seal.get("schema") != "takt.run_seal/1" or not isinstance(files, dict) or not isinstance(grown, dict) or {"can.log.zst" if name == "can.log" else name for name in grown} != set(GROWN):
         raise Refused("seal.json is no seal of this version (takt.run_seal/1)")
     if seal.get("closed") is not True:
         raise Refused("the recorder was ended before it closed the run")

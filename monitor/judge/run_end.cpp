@@ -178,7 +178,8 @@ Mode first_mode(const RunMetrics& metrics) {
 std::string holes(const RunMetrics& metrics, const RecordedRun& run) {
   std::string text;
   const auto add = [&text](const std::string& what) { text += (text.empty() ? "" : ", ") + what; };
-  if (metrics.first_tick > 1 && first_mode(metrics) != Mode::standby)
+  const bool is_part = !run.manifest.goes_on_from.empty();
+  if (metrics.first_tick > 1 && !is_part && first_mode(metrics) != Mode::standby)
     add(fmt::format("when it began, at tick {}, the robot was in {}", metrics.first_tick, name(first_mode(metrics))));
   if (const std::uint64_t missing = missing_ticks(run.manifest, metrics.ticks); missing != 0)
     add(fmt::format("{} of {} recorded ticks cannot be read", missing, run.manifest.ticks));

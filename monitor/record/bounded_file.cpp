@@ -52,7 +52,7 @@ BoundedFile::~BoundedFile() {
 bool BoundedFile::append(std::span<const std::byte> piece) {
   // Before it grows: what was cut would be a hole as long as before.
   if (!failure_.empty() || !is_where_it_was()) return false;
-  if (size_ + piece.size() > max_bytes_) {
+  if (max_bytes_ < size_ || piece.size() > max_bytes_ - size_) {
     failure_ = fmt::format("{} reached its limit of {} bytes", path_, max_bytes_);
     return false;
   }

@@ -44,6 +44,7 @@ class McapWriter {
   bool finish();
 
   [[nodiscard]] BoundedFile& file() { return file_; }
+  [[nodiscard]] const BoundedFile& file() const { return file_; }
 
  private:
   struct IndexEntry {

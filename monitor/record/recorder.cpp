@@ -9,6 +9,7 @@
 #include <filesystem>
 
 #include "drivers/bus/candump.hpp"
+#include "monitor/record/frame_log.hpp"
 #include "monitor/record/run_seal.hpp"
 #include "monitor/record/standard_messages.hpp"
 #include "monitor/record/tick_schema.hpp"
@@ -22,7 +23,7 @@ constexpr Duration kSealPeriod = seconds(60);
 constexpr Duration kJointStatePeriod = milliseconds(10);
 constexpr std::uint64_t kReserveBytes = 1U << 20U;
 constexpr std::size_t kChunkBytes = 1U << 20U;  // uncompressed, unless half a second passes first
-constexpr std::size_t kFrameTextBytes = 64 * 1024;
+constexpr std::size_t kFrameTextBytes = 1U << 20U;
 
 // Room for the closing words of a full disk. Best effort: on a disk without room for it there is none to keep.
 void reserve(const std::string& path) {
@@ -45,7 +46,14 @@ std::map<std::string, std::string> metadata_of(const RunManifest& manifest) {
 std::expected<std::unique_ptr<Recorder>, std::string> Recorder::start(const RunFolder& folder, RunManifest manifest,
                                                                       const config::RobotConfig& robot,
                                                                       std::uint64_t max_file_bytes) {
-  if (auto written = replace_file(folder.config(), robot.resolved); !written) return std::unexpected(written.error());
+  return make(folder, std::move(manifest), std::make_shared<Watch>(robot), max_file_bytes);
+}
+
+std::expected<std::unique_ptr<Recorder>, std::string> Recorder::make(const RunFolder& folder, RunManifest manifest,
+                                                                     std::shared_ptr<Watch> watch,
+                                                                     std::uint64_t max_file_bytes) {
+  if (auto written = replace_file(folder.config(), watch->robot.resolved); !written)
+    return std::unexpected(written.error());
   if (auto written = folder.write_manifest(manifest); !written) return std::unexpected(written.error());
   auto ticks = McapWriter::create(folder.ticks(), max_file_bytes, run_topics(), metadata_of(manifest));
   if (!ticks) return std::unexpected(ticks.error());
@@ -54,24 +62,23 @@ std::expected<std::unique_ptr<Recorder>, std::string> Recorder::start(const RunF
   auto transitions = BoundedFile::create(folder.transitions(), max_file_bytes);
   if (!transitions) return std::unexpected(transitions.error());
   reserve(folder.reserve());
-  return std::unique_ptr<Recorder>(
-      new Recorder(folder, std::move(manifest), robot, std::move(*ticks), std::move(*frames), std::move(*transitions)));
+  return std::unique_ptr<Recorder>(new Recorder(folder, std::move(manifest), std::move(watch), std::move(*ticks),
+                                                std::move(*frames), std::move(*transitions)));
 }
 
-Recorder::Recorder(const RunFolder& folder, RunManifest manifest, const config::RobotConfig& robot, McapWriter ticks,
+Recorder::Recorder(const RunFolder& folder, RunManifest manifest, std::shared_ptr<Watch> watch, McapWriter ticks,
                    BoundedFile frames, BoundedFile transitions)
     : folder_(folder),
-      robot_(robot),
+      watch_(std::move(watch)),
       manifest_(std::move(manifest)),
       ticks_(std::move(ticks)),
       frames_(std::move(frames)),
       transitions_(std::move(transitions)),
-      diagnoser_(robot_),
       flushed_at_(manifest_.started_at),
       segment_began_(manifest_.started_at),
       sealed_at_(manifest_.started_at),
-      joint_state_every_(static_cast<std::uint64_t>(
-          std::max<std::int64_t>(kJointStatePeriod.ns / std::max<std::int64_t>(robot.control.period.ns, 1), 1))) {
+      joint_state_every_(static_cast<std::uint64_t>(std::max<std::int64_t>(
+          kJointStatePeriod.ns / std::max<std::int64_t>(watch_->robot.control.period.ns, 1), 1))) {
   now_ = manifest_.started_at;
   sink_ = {
       .command =
@@ -122,7 +129,7 @@ void Recorder::tick(const TickRecord& record) {
     encode_joint_state(record, unix_ns(now_), manifest_.joints, message_);
     write(Topic::joint_states, now_);
   }
-  if (const auto parts = diagnoser_.tick(record)) {
+  if (const auto parts = watch_->diagnoser.tick(record)) {
     encode_diagnostic_array(*parts, unix_ns(now_), manifest_.robot, message_);
     write(Topic::diagnostics, now_);
   }
@@ -135,7 +142,7 @@ void Recorder::transition(const TickRecord& record) {
   const TickRecordHeader& header = record.header;
   encode_transition({header.tick, header.now, header.previous_mode, header.mode, header.cause}, message_);
   write(Topic::transition, now_);
-  const RobotStatus& status = diagnoser_.status();
+  const RobotStatus& status = watch_->diagnoser.status();
   const std::string& detail = status.detail;
   const std::string why = status.incident.empty()
                               ? fmt::format("{}{}{}", name(header.cause), detail.empty() ? "" : ": ", detail)
@@ -167,7 +174,8 @@ void Recorder::frame(const FrameRecord& record) {
 
 void Recorder::write_frames() {
   if (!stop_reason().empty()) return;
-  if (!frames_.append(frame_text_)) stop(frames_.failure());
+  if (frame_text_.empty()) return;
+  if (!frames_.append(compressed_frames(frame_text_))) stop(frames_.failure());
   frame_text_.clear();
 }
 
@@ -217,7 +225,7 @@ void Recorder::close_segments() {
 std::expected<void, std::string> Recorder::write_seal(bool closed) {
   const auto text = run_seal_text(folder_, manifest_.run_id, closed,
                                   {{"ticks.mcap", ticks_.file().sealed()},
-                                   {"can.log", frames_.sealed()},
+                                   {"can.log.zst", frames_.sealed()},
                                    {"transitions.jsonl", transitions_.sealed()}});
   return text ? replace_file(folder_.seal(), *text) : std::unexpected(text.error());
 }
@@ -230,8 +238,30 @@ void Recorder::drive_cards(std::string_view text) {
   };
   if (!json.is_object() || !says("schema", kDrivesSchema) || !says("config_sha256", manifest_.config_sha256)) return;
   manifest_.drives = std::move(json);
+  watch_->cards = text;
   // A disk that has no room for it has none for ticks either, which says so.
   (void)replace_file(folder_.drives(), text);
+}
+
+std::uint64_t Recorder::size() const {
+  return std::max({ticks_.file().size(), frames_.size(), transitions_.size()});
+}
+
+std::expected<std::unique_ptr<Recorder>, std::string> Recorder::begin_next(const RunFolder& folder) {
+  flush();
+  if (!stop_reason().empty()) return std::unexpected(stop_reason());
+  RunManifest manifest = manifest_;
+  manifest.run_id = folder.name();
+  manifest.goes_on_from = manifest_.run_id;
+  manifest.started_at = now_;
+  manifest.ticks = manifest.first_tick = manifest.last_tick = 0;
+  manifest.losses.clear();
+  manifest.first_losses.clear();
+  auto next = make(folder, std::move(manifest), watch_, kNoLimit);
+  if (!next) return next;
+  if (!watch_->cards.empty()) (void)replace_file(folder.drives(), watch_->cards);
+  manifest_.goes_on_in = folder.name();
+  return next;
 }
 
 // The chunk that did not fit is gone; what was flushed before is what the run has. The freed reserve takes the loss,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes one run folder: ticks.mcap, transitions.jsonl, can.log, config.yaml, drives.json, manifest.json and the seal
-// of them all (run_seal.hpp).
+// Writes one run folder: ticks.mcap, transitions.jsonl, can.log.zst, config.yaml, drives.json, manifest.json and the
+// seal of them all (run_seal.hpp).
 //
 // flush_if_due() hands the first ticks at once, then everything older than half a second to the medium, so that a power
 // cut loses at most the last second. When a file takes no more data (disk full, size limit) or its medium refuses what
@@ -23,14 +23,18 @@
 
 namespace takt::monitor {
 
-inline constexpr std::uint64_t kDefaultMaxFileBytes = std::uint64_t{64} << 30U;  // each of ticks.mcap and can.log
+inline constexpr std::uint64_t kNoLimit = ~std::uint64_t{0};
 
 class Recorder {
  public:
-  // `manifest` says what is known at the start; the recorder keeps it up to date and writes it.
+  // `manifest` says what is known at the start; the recorder keeps it up to date and writes it. `max_file_bytes`: of
+  // each file, as if the disk were full then.
   static std::expected<std::unique_ptr<Recorder>, std::string> start(const RunFolder& folder, RunManifest manifest,
                                                                      const config::RobotConfig& robot,
-                                                                     std::uint64_t max_file_bytes);
+                                                                     std::uint64_t max_file_bytes = kNoLimit);
+  // Records into `folder` what follows, as another part of the session, with all that this one knows; brings what this
+  // one has to the medium, which then awaits its last words only. The error: this one goes on.
+  std::expected<std::unique_ptr<Recorder>, std::string> begin_next(const RunFolder& folder);
 
   // What a RecordStream hands on goes in here. Valid as long as the recorder.
   [[nodiscard]] const RecordSink& sink() const { return sink_; }
@@ -42,12 +46,24 @@ class Recorder {
   std::expected<void, std::string> finish(MonoTime now, const std::string& because);
 
   [[nodiscard]] const std::string& stop_reason() const { return manifest_.stopped_because; }  // empty: recording
+  // Of the largest file.
+  [[nodiscard]] std::uint64_t size() const;
   // Newest tick that the medium has; 0: none yet, or recording stopped.
   [[nodiscard]] std::uint64_t written_through() const { return stop_reason().empty() ? flushed_tick_ : 0; }
   [[nodiscard]] const RunManifest& manifest() const { return manifest_; }
 
  private:
-  Recorder(const RunFolder& folder, RunManifest manifest, const config::RobotConfig& robot, McapWriter ticks,
+  // What is known of the robot from its ticks, whatever part they went into.
+  struct Watch {
+    explicit Watch(const config::RobotConfig& watched) : robot(watched), diagnoser(robot) {}
+    config::RobotConfig robot;
+    Diagnoser diagnoser;
+    std::string cards;  // drives.json
+  };
+  static std::expected<std::unique_ptr<Recorder>, std::string> make(const RunFolder& folder, RunManifest manifest,
+                                                                    std::shared_ptr<Watch> watch,
+                                                                    std::uint64_t max_file_bytes);
+  Recorder(const RunFolder& folder, RunManifest manifest, std::shared_ptr<Watch> watch, McapWriter ticks,
            BoundedFile frames, BoundedFile transitions);
   void tick(const TickRecord& record);
   void transition(const TickRecord& record);
@@ -64,15 +80,14 @@ class Recorder {
   void stop(std::string because);  // by value: it may be the text of the failure that gets cleared
 
   RunFolder folder_;
-  config::RobotConfig robot_;
+  std::shared_ptr<Watch> watch_;
   RunManifest manifest_;
   McapWriter ticks_;
   BoundedFile frames_;
   BoundedFile transitions_;
   RecordSink sink_;
-  Diagnoser diagnoser_;
   CdrWriter message_;
-  std::string frame_text_;  // lines not yet in can.log
+  std::string frame_text_;  // lines not yet in can.log.zst
   MonoTime now_;            // of the newest tick: log time of what has none of its own
   MonoTime flushed_at_;
   MonoTime segment_began_, sealed_at_;

@@ -12,13 +12,13 @@
 
 namespace takt::monitor {
 
-std::expected<RunFolder, std::string> RunFolder::create(const std::string& wanted) {
+std::expected<RunFolder, std::string> RunFolder::create(const std::string& wanted, int from) {
   namespace fs = std::filesystem;
   constexpr int kMostSuccessors = 10'000;
   std::error_code error;
   const fs::path parent = fs::absolute(wanted).parent_path();
   fs::create_directories(parent, error);
-  for (int number = 1; !error && number <= kMostSuccessors; ++number) {
+  for (int number = from; !error && number < from + kMostSuccessors; ++number) {
     const std::string path = number == 1 ? wanted : fmt::format("{}.{}", wanted, number);
     if (fs::create_directory(path, error)) return RunFolder(path);
   }

@@ -129,6 +129,8 @@ Json to_json(const RunManifest& manifest) {
   json["started"] = moment(manifest.started_at, manifest.clock);
   json["ended"] = moment(manifest.ended_at, manifest.clock);
   json["ended_because"] = text_or_null(manifest.ended_because);
+  json["goes_on_from"] = text_or_null(manifest.goes_on_from);
+  json["goes_on_in"] = text_or_null(manifest.goes_on_in);
   json["ticks"] = {{"recorded", manifest.ticks},
                    {"first", manifest.first_tick},
                    {"last", manifest.last_tick},
@@ -183,6 +185,8 @@ std::expected<RunManifest, std::string> manifest_of(const Json& json) {
     manifest.started_at = moment_of(json.at("started"));
     manifest.ended_at = moment_of(json.at("ended"));
     manifest.ended_because = text_of(json.at("ended_because"));
+    manifest.goes_on_from = text_of(json.value("goes_on_from", Json(nullptr)));
+    manifest.goes_on_in = text_of(json.value("goes_on_in", Json(nullptr)));
     const Json& ticks = json.at("ticks");
     ticks.at("recorded").get_to(manifest.ticks);
     ticks.at("first").get_to(manifest.first_tick);

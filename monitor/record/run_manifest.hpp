@@ -31,7 +31,7 @@ struct RunManifest {
   std::string run_id;
   std::string robot;
   std::vector<std::string> joints;
-  std::vector<std::string> buses;                        // interface names, as in can.log
+  std::vector<std::string> buses;                        // interface names, as in can.log.zst
   std::vector<std::string> cautions;                     // what config check notes of the robot file
   std::vector<config::WatchdogWaiver> watchdog_waivers;  // drives that nothing is known to stop when commands cease
   std::string config_sha256;
@@ -46,8 +46,9 @@ struct RunManifest {
   ClockOffset clock;
   MonoTime started_at, ended_at;  // ended_at unset while recording
   std::string ended_because;
-  bool complete = false;        // closed in order, and recording never had to stop
-  std::string stopped_because;  // non-empty: recording stopped before the run did
+  std::string goes_on_from, goes_on_in;  // the parts before and behind this one of a long session: their run ids
+  bool complete = false;                 // closed in order, and recording never had to stop
+  std::string stopped_because;           // non-empty: recording stopped before the run did
   std::uint64_t ticks = 0, first_tick = 0, last_tick = 0;
   std::uint64_t unrecorded_ticks = 0;           // seen after recording stopped
   std::map<std::string, std::uint64_t> losses;  // "tick overwritten" -> entries

@@ -22,7 +22,9 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::array<std::string_view, 4> kGrown{"ticks.mcap", "can.log", "transitions.jsonl", kEventsFile};
+constexpr std::array<std::string_view, 4> kGrown{"ticks.mcap", "can.log.zst", "transitions.jsonl", kEventsFile};
+// Of earlier versions: the same lines, plain.
+constexpr std::string_view kPlainFrames = "can.log";
 constexpr std::array<std::string_view, 3> kWhole{"manifest.json", "config.yaml", "drives.json"};
 constexpr std::string_view kImages = "images/";
 constexpr std::uintmax_t kLargestSeal = 64U << 20U;
@@ -63,7 +65,7 @@ std::optional<ReadSeal> read(const Json& json, std::string_view text) {
       seal.files.emplace_back(name, hash.get<std::string>());
     }
     for (const auto& [name, segments] : json.at("segments").get_ref<const Json::object_t&>()) {
-      if (std::ranges::count(kGrown, name) == 0) return std::nullopt;
+      if (std::ranges::count(kGrown, name == kPlainFrames ? kGrown[1] : name) == 0) return std::nullopt;
       seal.grown.emplace_back(name, std::vector<SealedSegment>());
       for (const Json& one : segments.get_ref<const Json::array_t&>()) {
         if (!one.at("bytes").is_number_unsigned() || !one.at("until_unix_ns").is_number_integer()) return std::nullopt;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // seal.json of a run folder: what its files were when the recorder wrote them.
 //
-//   segments   of ticks.mcap, can.log and transitions.jsonl, 10 s each: bytes, when it ended, SHA-256; of events.jsonl,
+//   segments   of ticks.mcap, can.log.zst and transitions.jsonl, 10 s each: bytes, when it ended, SHA-256; of
+//   events.jsonl,
 //              which another process writes, one of what it held when the run was closed
 //   files      SHA-256 of manifest.json, config.yaml, drives.json and every image, once the run is closed
 //

@@ -159,7 +159,7 @@ def edits_of_runs():
             (folder / "manifest.json").write_text(json.dumps(said, indent=2))
         return edit
 
-    for file in ("ticks.mcap", "can.log", "transitions.jsonl"):
+    for file in ("ticks.mcap", "can.log.zst", "transitions.jsonl"):
         if file != "ticks.mcap":
             yield f"{file} is gone", lambda folder, file=file: (folder / file).unlink(), f"{file} is not there"
         yield f"{file} is cut", less(file, 0.5), f"{file} is not as it was recorded from its beginning to"
@@ -167,7 +167,7 @@ def edits_of_runs():
             f"{file} has 1 bytes that were not recorded"
     yield "the stop is gone", text("transitions.jsonl", lambda said: "".join(line for line in said.splitlines(True) if "damped_stop" not in line)), \
         "transitions.jsonl is not as it was recorded"
-    yield "a frame", text("can.log", lambda said: said.replace("#", "#F", 1)), "can.log is not as it was recorded"
+    yield "a frame", lambda folder: flip(folder / "can.log.zst", 0.6), "can.log.zst is not as it was recorded"
     yield "a byte of the ticks", lambda folder: flip(folder / "ticks.mcap", 0.6), "ticks.mcap"
     yield "another robot file", text("config.yaml", lambda said: said + "# longer arms\n"), "config.yaml"
     yield "another host", manifest(lambda said: said["host"].update(preempt_rt=True, cpu="faster")), "manifest.json is not the file that was recorded"

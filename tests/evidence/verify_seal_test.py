@@ -173,11 +173,12 @@ def check_run(made, keys, make_recorded_demo):
     assert "consistent: --signed-by makes it audit-ready" in call(takt, "audit", folder)
     check_signatures(made, folder, keys, "PASSED")
     assert call(takt, "audit", folder, "--signed-by", public).endswith("\naudit-ready\n")
-    (folder / "can.log").write_bytes((folder / "can.log").read_bytes().replace(b"#", b"!", 1))
-    assert "can.log is not as it was recorded from its beginning to 20" in call(VERIFIER, folder, "--key", public, expect=1)
-    assert "can.log is not as it was recorded from its beginning to 20" in call(takt, "audit", folder, expect=1)
-    assert "can.log is not as it was recorded" in call(takt, "seal", folder, "--key", keys[0][0], expect=1), "an edited run is not sealed again"
-    (folder / "can.log").write_bytes((folder / "can.log").read_bytes().replace(b"!", b"#", 1))
+    frames = (folder / "can.log.zst").read_bytes()
+    (folder / "can.log.zst").write_bytes(frames[:99] + bytes([frames[99] ^ 1]) + frames[100:])
+    assert "can.log.zst is not as it was recorded from its beginning to 20" in call(VERIFIER, folder, "--key", public, expect=1)
+    assert "can.log.zst is not as it was recorded from its beginning to 20" in call(takt, "audit", folder, expect=1)
+    assert "can.log.zst is not as it was recorded" in call(takt, "seal", folder, "--key", keys[0][0], expect=1), "an edited run is not sealed again"
+    (folder / "can.log.zst").write_bytes(frames)
     check_edits(folder, public)
     call(VERIFIER, folder, "--key", public)
 

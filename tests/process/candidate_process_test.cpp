@@ -88,8 +88,7 @@ TEST_F(CandidateProcess, ShadowSwapBackAndAKillInBetween) {
   EXPECT_EQ(robot_.status()->status.tick.mode, Mode::tracking) << robot_.logs();
 
   ASSERT_TRUE(robot_.finish()) << robot_.logs();
-  const SentFrames frames =
-      judge_sent_frames(robot_.run_directory() + "/can.log", config::load(robot_.robot_file()).value());
+  const SentFrames frames = judge_sent_frames(robot_.run_directory(), config::load(robot_.robot_file()).value());
   EXPECT_GT(frames.motion_commands, 1000U);
   EXPECT_EQ(frames.first_violation, "");
   run_takt("replay");

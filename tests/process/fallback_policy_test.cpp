@@ -88,7 +88,7 @@ TEST(FallbackPolicyProcess, EitherHostMayGoAndComeBackAndBothGoneStops) {
       << robot.status()->incident.sentence;
 
   ASSERT_TRUE(robot.finish()) << robot.logs();
-  const SentFrames frames = judge_sent_frames(robot.run_directory() + "/can.log", config::load(file).value());
+  const SentFrames frames = judge_sent_frames(robot.run_directory(), config::load(file).value());
   EXPECT_GT(frames.motion_commands, 1000U);
   EXPECT_EQ(frames.first_violation, "");
   EXPECT_NE(text_of(robot.directory() + "/executive.log").find("the fallback policy took over"), std::string::npos);

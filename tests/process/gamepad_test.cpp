@@ -8,15 +8,16 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "cli/command.hpp"
 #include "config/load.hpp"
+#include "monitor/record/frame_log.hpp"
 #include "tests/cli/robot/simulated_pad.hpp"
 #include "tests/process/running_robot.hpp"
 #include "tests/process/sent_frames.hpp"
@@ -26,9 +27,9 @@ namespace {
 
 // rad/s; of all that the left wheel was told. Frames of config/balancer.yaml's drive 1: 12 bits over +-60 rad/s from
 // the third byte on; those that end in FC or more switch it on and off.
-double fastest_wheel(const std::string& can_log) {
+double fastest_wheel(const std::string& run) {
   double fastest = 0;
-  std::ifstream log(can_log);
+  std::istringstream log(monitor::read_frame_log(monitor::RunFolder(run)).value_or(""));
   for (std::string line; std::getline(log, line);) {
     const std::size_t hash = line.find(" 001#");
     if (hash == std::string::npos || line.size() < hash + 21 || line.compare(hash + 5, 8, "FFFFFFFF") == 0) continue;
@@ -102,11 +103,10 @@ TEST_F(GamepadProcess, ThePadMayDoWhatItWants) {
   person_.join();
   EXPECT_EQ(exit_code_, cli::kExitUnavailable);
   ASSERT_TRUE(robot_.finish()) << robot_.logs();
-  const SentFrames frames =
-      judge_sent_frames(robot_.run_directory() + "/can.log", config::load(robot_.robot_file()).value());
+  const SentFrames frames = judge_sent_frames(robot_.run_directory(), config::load(robot_.robot_file()).value());
   EXPECT_GT(frames.motion_commands, 1000U);
   EXPECT_EQ(frames.first_violation, "");
-  EXPECT_GT(fastest_wheel(robot_.run_directory() + "/can.log"), 8)
+  EXPECT_GT(fastest_wheel(robot_.run_directory()), 8)
       << "it does not follow the pad: from end to end it is told 16 rad/s, and 4 while the sticks rest";
   Child replay({"takt", "replay", robot_.run_directory()}, robot_.directory() + "/replay.log");
   EXPECT_EQ(replay.wait(std::chrono::seconds(60)), 0);

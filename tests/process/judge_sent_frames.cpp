@@ -15,7 +15,7 @@ int main(int argc, char** argv) {
     std::puts(robot.error().c_str());
     return 1;
   }
-  const auto frames = takt::test::judge_sent_frames(run + "/can.log", *robot);
+  const auto frames = takt::test::judge_sent_frames(run, *robot);
   std::printf("%zu frames to the drives, %s\n", frames.motion_commands,
               frames.first_violation.empty() ? "all inside the envelope" : frames.first_violation.c_str());
   return frames.motion_commands > 1000 && frames.first_violation.empty() ? 0 : 1;

@@ -55,7 +55,7 @@ void expect_sound_evidence(RunningRobot& robot, const std::string& expected_caus
 
   const auto config = config::load("config/arm6.yaml");
   ASSERT_TRUE(config.has_value()) << config.error();
-  const SentFrames frames = judge_sent_frames(robot.run_directory() + "/can.log", *config);
+  const SentFrames frames = judge_sent_frames(robot.run_directory(), *config);
   EXPECT_GT(frames.motion_commands, 1000U) << "the robot never moved: nothing was tested";
   EXPECT_EQ(frames.first_violation, "");
 

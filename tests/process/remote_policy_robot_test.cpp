@@ -53,7 +53,7 @@ class RemotePolicyRobot : public testing::Test {
   }
   void expect_sound() {
     ASSERT_TRUE(robot_->finish()) << robot_->logs();
-    const SentFrames frames = judge_sent_frames(robot_->run_directory() + "/can.log", config::load(file_).value());
+    const SentFrames frames = judge_sent_frames(robot_->run_directory(), config::load(file_).value());
     EXPECT_GT(frames.motion_commands, 1000U) << "the robot never moved: nothing was tested";
     EXPECT_EQ(frames.first_violation, "");
     Child replay({"takt", "replay", robot_->run_directory()}, robot_->directory() + "/replay.log");

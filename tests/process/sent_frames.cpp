@@ -4,7 +4,9 @@
 #include <array>
 #include <cstdint>
 #include <cstdlib>
-#include <fstream>
+#include <sstream>
+
+#include "monitor/record/frame_log.hpp"
 
 namespace takt::test {
 
@@ -70,9 +72,9 @@ const config::Joint* joint_of(const config::RobotConfig& robot, const std::strin
 
 }  // namespace
 
-SentFrames judge_sent_frames(const std::string& can_log, const config::RobotConfig& robot) {
+SentFrames judge_sent_frames(const std::string& run, const config::RobotConfig& robot) {
   SentFrames result;
-  std::ifstream log(can_log);
+  std::istringstream log(monitor::read_frame_log(monitor::RunFolder(run)).value_or(""));
   std::string stamp, interface, frame;
   for (std::string line; std::getline(log, line);) {
     // (seconds.microseconds) interface id#data

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads the commands a run sent to its drives back from can.log, with a decoder of its own written from the protocol
-// description, and says whether any of them left the robot's envelope, or was an order to a drive's settings: those may
-// be asked for, never changed.
+// Reads the commands a run sent to its drives back from can.log.zst, with a decoder of its own written from the
+// protocol description, and says whether any of them left the robot's envelope, or was an order to a drive's settings:
+// those may be asked for, never changed.
 #pragma once
 
 #include <cstddef>
@@ -17,6 +17,6 @@ struct SentFrames {
   std::string first_violation;      // empty: every command was inside
 };
 
-SentFrames judge_sent_frames(const std::string& can_log, const config::RobotConfig& robot);
+SentFrames judge_sent_frames(const std::string& run, const config::RobotConfig& robot);
 
 }  // namespace takt::test

@@ -22,7 +22,7 @@ void make_run(const std::string& folder) {
                                    [&](std::uint64_t tick) { robot.policy_is_frozen = tick >= kFrozenFrom; });
   run.manifest.executive = {{"version", takt::version()}, {"source_sha256", takt::source_sha256()}};
   if (const auto written = run.folder.write_manifest(run.manifest); !written) throw std::runtime_error(written.error());
-  for (const char* const bulky : {"/can.log", "/seal.json"}) std::filesystem::remove(folder + bulky);
+  for (const char* const bulky : {"/can.log.zst", "/seal.json"}) std::filesystem::remove(folder + bulky);
 }
 
 void make_artifact(const std::string& folder) {

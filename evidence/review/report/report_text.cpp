@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "config/printable.hpp"
+
 namespace takt::monitor {
 namespace {
 
@@ -223,6 +225,15 @@ std::string realtime_words(const RunManifest& manifest) {
   return words;
 }
 
+// Empty: the folder holds the whole session.
+std::string part_line(const RunManifest& manifest) {
+  std::string text;
+  if (!manifest.goes_on_from.empty()) text += "goes on from " + config::printable(manifest.goes_on_from);
+  if (!manifest.goes_on_in.empty())
+    text += (text.empty() ? "goes on in " : ", goes on in ") + config::printable(manifest.goes_on_in);
+  return text.empty() ? text : fmt::format("part          {}\n", text);
+}
+
 // Empty: the robot could not move unrecorded.
 std::string_view recorder_line(const RunManifest& manifest) {
   const bool optional = manifest.executive.is_object() && manifest.executive.value("recorder", "") == "optional";
@@ -299,6 +310,7 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
                                  run.manifest.robot, metrics.span.seconds(), metrics.ticks);
   text += incidents(metrics, std::min<std::size_t>(most, kShownIncidents));
   text += fmt::format("real-time     {}\n", realtime_words(run.manifest));
+  text += part_line(run.manifest);
   text += recorder_line(run.manifest);
   text += fmt::format("contract      Pr(age > {:g} ms) <= {:g} %\n\n", contract.max_age.milliseconds(),
                       100 * contract.epsilon);

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """dead_bus.py OUT: that nothing too old left a bus which had stood still, in what the case of that name left in OUT.
 
-The run's own can.log says which tick wrote a frame, the peer's log when it was on the bus: the newest one written before with the same
+The run's own can.log.zst says which tick wrote a frame, the peer's log when it was on the bus: the newest one written before with the same
 bytes. Fails when a command was older than max_age then, when the bus had never stood still, or when there was too little to judge.
 """
 import bisect
@@ -22,7 +22,7 @@ def main():
     out = pathlib.Path(sys.argv[1])
     run = Run(out)
     written = collections.defaultdict(list)
-    for joint, data, stamp in run.command_frames(run.folder / "can.log", "T"):
+    for joint, data, stamp in run.command_frames(run.folder / "can.log.zst", "T"):
         if joint < ON_VCAN0:
             written[joint, data].append(stamp)
     ages, longest_ms, thrown = [], 0.0, sum(map(len, written.values()))

@@ -6,6 +6,7 @@ import re
 import sys
 
 import numpy as np
+import zstandard
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "client/python"))
 import takt  # noqa: E402
@@ -13,6 +14,13 @@ import takt  # noqa: E402
 JOINTS = 6  # ids 1 to 6 in the joints' order
 MAX_AGE_MS = 150
 WRITE_MS = 0.05  # the executive looks at its clock before it writes; then the kernel stamps what was written
+
+
+def text_of(log):
+    if log.suffix != ".zst":
+        return log.read_text()
+    with log.open("rb") as packed:
+        return zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True).read().decode()
 
 
 class Run:
@@ -44,8 +52,8 @@ class Run:
         return at if at < len(self.now) - 1 else -1
 
     def command_frames(self, log, direction=""):
-        """(joint, data, stamp) of every frame to a drive but those that enable, disable or clear an error; `direction` T or R, as in can.log."""
-        for line in log.read_text().splitlines():
+        """(joint, data, stamp) of every frame to a drive but those that enable, disable or clear an error; `direction` T or R, as in can.log.zst."""
+        for line in text_of(log).splitlines():
             if found := re.match(r"\((\d+)\.(\d{6})\) vcan\d 00([1-6])#([0-9A-F]{16})" + (f" {direction}$" if direction else ""), line):
                 if not found[4].startswith("FFFFFFFFFFFFFF"):
                     yield int(found[3]) - 1, found[4], int(found[1]) * 10**9 + int(found[2]) * 1000 - self.offset_ns

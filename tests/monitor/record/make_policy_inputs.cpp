@@ -138,7 +138,7 @@ Json images_of(const RecordedPolicyInput& recorded, const RunFolder& folder, con
 void make(const std::string& directory) {
   VirtualRobot robot;
   const RunFolder folder = required(RunFolder::create(directory));
-  auto recorder = required(Recorder::start(folder, robot.manifest(), demo_robot(), kDefaultMaxFileBytes));
+  auto recorder = required(Recorder::start(folder, robot.manifest(), demo_robot()));
   auto stream = required(RecordStream::attach(robot.rings(), demo_robot().joints.size()));
   robot.spoil_input = [](pipeline::TickInput& read) {
     read.imu.sequence = read.tick / 4;

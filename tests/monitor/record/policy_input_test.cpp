@@ -238,7 +238,7 @@ class RecordedInputTest : public TemporaryFolder {};
 TEST_F(RecordedInputTest, IsInTheRunFolder) {
   VirtualRobot robot;
   const RunFolder folder = RunFolder::create(path("run")).value();
-  auto recorder = Recorder::start(folder, robot.manifest(), demo_robot(), kDefaultMaxFileBytes).value();
+  auto recorder = Recorder::start(folder, robot.manifest(), demo_robot()).value();
   auto stream = RecordStream::attach(robot.rings(), demo_robot().joints.size()).value();
   robot.run(50);
   stream.drain(recorder->sink(), false);

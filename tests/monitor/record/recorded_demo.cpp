@@ -20,7 +20,7 @@ Value required(std::expected<Value, std::string> value) {
 RecordedRun record(VirtualRobot& robot, const std::string& directory, std::uint64_t ticks,
                    const std::function<void(std::uint64_t tick)>& before) {
   const RunFolder folder = required(RunFolder::create(directory));
-  auto recorder = required(Recorder::start(folder, robot.manifest(), demo_robot(), kDefaultMaxFileBytes));
+  auto recorder = required(Recorder::start(folder, robot.manifest(), demo_robot()));
   auto stream = required(RecordStream::attach(robot.rings(), demo_robot().joints.size()));
   for (std::uint64_t tick = 0; tick < ticks; tick += 20) {
     before(tick);

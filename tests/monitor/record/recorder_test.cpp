@@ -17,10 +17,12 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <sstream>
 
 #include "drivers/bus/candump.hpp"
 #include "evidence/review/replay.hpp"
 #include "evidence/review/report/report_text.hpp"
+#include "monitor/record/frame_log.hpp"
 #include "monitor/record/run_seal.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
@@ -163,8 +165,8 @@ TEST_F(RecorderTest, AnUndisturbedRunIsWholeAndSaysSo) {
   }
   EXPECT_EQ(count, metrics->transition_count);
 
-  // Every line of can.log is candump's, at the tick's Unix time.
-  std::ifstream log(run.folder.frames());
+  // Every line of can.log.zst is candump's, at the tick's Unix time.
+  std::istringstream log(read_frame_log(run.folder).value());
   std::size_t frames = 0;
   for (std::string line; std::getline(log, line); ++frames) {
     const auto frame = drivers::parse_candump_line(line);
@@ -330,7 +332,7 @@ TEST_P(RefusingMedium, StopsRecordingWithADeclaredLoss) {
       << recorder->stop_reason();
 }
 
-INSTANTIATE_TEST_SUITE_P(OfEveryFile, RefusingMedium, testing::Values("ticks.mcap", "can.log", "transitions.jsonl"),
+INSTANTIATE_TEST_SUITE_P(OfEveryFile, RefusingMedium, testing::Values("ticks.mcap", "can.log.zst", "transitions.jsonl"),
                          [](const auto& row) { return std::string(row.param, std::strcspn(row.param, ".")); });
 
 // Goal: a robot does not move on while its record goes where no reader finds it. Method: another program deletes,
@@ -348,7 +350,7 @@ TEST_F(RecorderTest, AFileThatIsTakenAwayStopsRecording) {
        }},
       {"was cut", [](const std::string& file) { fs::resize_file(file, 3); }}};
   int run = 0;
-  for (const char* const name : {"ticks.mcap", "can.log", "transitions.jsonl"}) {
+  for (const char* const name : {"ticks.mcap", "can.log.zst", "transitions.jsonl"}) {
     for (const auto& [word, deed] : deeds) {
       auto stream = attach();
       const std::string folder = path("run" + std::to_string(++run));

@@ -21,7 +21,7 @@ namespace takt::monitor {
 namespace {
 
 constexpr std::uint64_t kTicks = 35'000;  // of 1 ms
-constexpr std::array kGrownFiles{"ticks.mcap", "can.log", "transitions.jsonl"};
+constexpr std::array kGrownFiles{"ticks.mcap", "can.log.zst", "transitions.jsonl"};
 
 class RunSealTest : public TemporaryFolder {
  protected:
@@ -128,6 +128,18 @@ TEST_F(RunSealTest, WhatIsCutAddedOrExchangedIsFound) {
   EXPECT_EQ(altered(), std::vector<std::string>{});
 }
 
+// Goal: a run that an earlier version sealed is judged as ever. Method: its frames lie in can.log, and so says the
+// seal.
+TEST_F(RunSealTest, TheFramesOfAnEarlierVersionAreSealedByTheirName) {
+  record_run();
+  std::string seal = read_file(file("seal.json")).value();
+  seal.replace(seal.find("can.log.zst"), 11, "can.log");
+  std::filesystem::rename(file("can.log.zst"), file("can.log"));
+  ASSERT_TRUE(replace_file(file("seal.json"), seal));
+  EXPECT_EQ(altered(), std::vector<std::string>{});
+  EXPECT_EQ(altered_by("can.log", "x" + read_file(file("can.log")).value().substr(1)).size(), 1U);
+}
+
 // A seal that leads out of the folder, or that no recorder wrote, is none.
 TEST_F(RunSealTest, AStrangersSealIsRefused) {
   record_run();
@@ -141,8 +153,8 @@ TEST_F(RunSealTest, AStrangersSealIsRefused) {
   EXPECT_TRUE(refused([](auto& json) { json["files"]["../../etc/passwd"] = "0"; }));
   EXPECT_TRUE(refused([](auto& json) { json["files"]["images/../manifest.json"] = "0"; }));
   EXPECT_TRUE(refused([](auto& json) { json["files"]["manifest.json"] = 1; }));
-  EXPECT_TRUE(refused([](auto& json) { json["segments"].erase("can.log"); }));
-  EXPECT_TRUE(refused([](auto& json) { json["segments"]["can.log"][0]["bytes"] = -1.5; }));
+  EXPECT_TRUE(refused([](auto& json) { json["segments"].erase("can.log.zst"); }));
+  EXPECT_TRUE(refused([](auto& json) { json["segments"]["can.log.zst"][0]["bytes"] = -1.5; }));
   EXPECT_TRUE(refused([](auto& json) { json["segments"]["../x"] = nlohmann::ordered_json::array(); }));
   EXPECT_TRUE(refused([](auto& json) { json["schema"] = "takt.run_seal/0"; }));
   EXPECT_TRUE(refused([](auto& json) { json["more"] = 1; }));
@@ -154,7 +166,7 @@ TEST_F(RunSealTest, ARunThatWasNotClosedIsSealedUpToItsLastMinute) {
   VirtualRobot robot;
   const RunFolder folder = RunFolder::create(path("run")).value();
   {
-    auto recorder = Recorder::start(folder, robot.manifest(), demo_robot(), kDefaultMaxFileBytes).value();
+    auto recorder = Recorder::start(folder, robot.manifest(), demo_robot()).value();
     auto stream = RecordStream::attach(robot.rings(), demo_robot().joints.size()).value();
     for (int i = 0; i < 3'300; ++i) {  // 66 s
       robot.run(20);
@@ -167,8 +179,8 @@ TEST_F(RunSealTest, ARunThatWasNotClosedIsSealedUpToItsLastMinute) {
   EXPECT_FALSE(checked->closed);
   EXPECT_EQ(checked->altered, std::vector<std::string>{});
   EXPECT_GE(checked->segments, 12U);
-  const std::string content = read_file(file("can.log")).value();
-  EXPECT_EQ(altered_by("can.log", "x" + content.substr(1)).size(), 1U);
+  const std::string content = read_file(file("can.log.zst")).value();
+  EXPECT_EQ(altered_by("can.log.zst", "x" + content.substr(1)).size(), 1U);
 }
 
 TEST(SegmentSeal, FollowsAFileThatWasCutBack) {

@@ -188,7 +188,7 @@ class TaktImu : public testing::Test {
     return text_of(log).find(words) != std::string::npos;
   }
   void expect_inside(const RunningRobot& robot) const {
-    const SentFrames frames = judge_sent_frames(robot.run_directory() + "/can.log", config::load(robot_file()).value());
+    const SentFrames frames = judge_sent_frames(robot.run_directory(), config::load(robot_file()).value());
     EXPECT_GT(frames.motion_commands, 100U);
     EXPECT_EQ(frames.first_violation, "");
     Child replay({"takt", "replay", robot.run_directory()}, robot.directory() + "/replay.log");

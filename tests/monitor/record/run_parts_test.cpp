@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: Apache-2.0
+// Goal: nothing that grows while a robot runs ends its record, or its motion: the record goes on in another folder, and
+// the seam costs no tick. Method: the virtual robot, told how far its record is on the medium, tracks over a hundred
+// seams; each folder is read, replayed and checked against its seal, and is compared with its neighbours.
+#include "monitor/record/run_parts.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <set>
+
+#include "evidence/review/replay.hpp"
+#include "evidence/review/report/report_text.hpp"
+#include "monitor/record/frame_log.hpp"
+#include "monitor/record/run_seal.hpp"
+#include "tests/monitor/record/recorded_demo.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
+
+namespace takt::monitor {
+namespace {
+
+class RunPartsTest : public TemporaryFolder {
+ protected:
+  void start(std::uint64_t part_bytes, const std::string& name = "run") {
+    auto started = RunParts::start(RunFolder::create(path(name)).value(), robot_.manifest(), demo_robot(), part_bytes);
+    ASSERT_TRUE(started) << started.error();
+    parts_ = std::move(*started);
+    stream_.emplace(RecordStream::attach(robot_.rings(), demo_robot().joints.size()).value());
+    robot_.spoil_input = [this](pipeline::TickInput& input) { input.recorded_through = parts_->written_through(); };
+  }
+  // In steps of 20 ticks, as the monitor drains the rings.
+  void record(std::uint64_t ticks) {
+    for (std::uint64_t tick = 0; tick < ticks; tick += 20) {
+      robot_.run(20);
+      stream_->drain(parts_->sink(), false);
+      if (each_drain) each_drain();
+      parts_->flush_if_due(robot_.latest().header.now);
+      for (std::string& closed : parts_->take_closed()) folders_.push_back(std::move(closed));
+    }
+  }
+  void finish() {
+    stream_->drain(parts_->sink(), true);
+    const auto done = parts_->finish(robot_.latest().header.now, "test over");
+    ASSERT_TRUE(done) << done.error();
+    for (std::string& closed : parts_->take_closed()) folders_.push_back(std::move(closed));
+    folders_.push_back(parts_->folder().path());
+  }
+  RecordedRun part(std::size_t index) {
+    auto run = open_run(folders_.at(index));
+    if (!run) throw std::runtime_error(run.error());
+    return *run;
+  }
+
+  VirtualRobot robot_;
+  std::unique_ptr<RunParts> parts_;
+  std::optional<RecordStream> stream_;
+  std::vector<std::string> folders_;  // of the parts, in order
+  std::function<void()> each_drain;
+};
+
+struct Ends {
+  std::uint64_t first = 0, last = 0, ticks = 0, commands = 0;
+  RecordedKeyframe first_keyframe{}, last_keyframe{};
+};
+Ends ends_of(const RecordedRun& run) {
+  Ends ends;
+  const auto scan = scan_run(run, {.tick =
+                                       [&](const RecordedTick& tick) {
+                                         ends.last = tick.record.header.tick;
+                                         if (ends.ticks++ == 0) ends.first = ends.last;
+                                       },
+                                   .command = [&](const RecordedCommand&) { ++ends.commands; },
+                                   .keyframe =
+                                       [&](const RecordedKeyframe& keyframe) {
+                                         if (ends.first_keyframe.tick == 0) ends.first_keyframe = keyframe;
+                                         ends.last_keyframe = keyframe;
+                                       },
+                                   .loss = [](const Loss& loss) { ADD_FAILURE() << loss.ring << ' ' << loss.reason; }});
+  EXPECT_TRUE(scan);
+  return ends;
+}
+
+TEST_F(RunPartsTest, AHundredSeamsWhileTrackingCostNothing) {
+  constexpr std::uint64_t kSeams = 100, kTicks = (kSeams + 5) * VirtualRobot::kKeyframeEvery + 100;
+  start(1);  // every keyframe is a seam
+  record(kTicks);
+  EXPECT_EQ(robot_.latest().header.mode, Mode::tracking) << "no seam stopped the robot";
+  finish();
+  ASSERT_GT(folders_.size(), kSeams);
+  std::uint64_t identical = 0, frames = 0, seams_in_tracking = 0, stops = 0;
+  Ends before;
+  for (std::size_t i = 0; i < folders_.size(); ++i) {
+    const RecordedRun run = part(i);
+    const Ends ends = ends_of(run);
+    const std::string& folder = folders_[i];
+    EXPECT_TRUE(run.manifest.complete) << folder;
+    EXPECT_EQ(run.manifest.goes_on_from, i == 0 ? "" : part(i - 1).manifest.run_id);
+    EXPECT_EQ(run.manifest.goes_on_in, i + 1 == folders_.size() ? "" : RunFolder(folders_[i + 1]).name());
+    EXPECT_EQ(ends.first, before.last + 1) << folder << ": no tick is lost, and none is there twice";
+    EXPECT_EQ(ends.ticks, ends.last - ends.first + 1) << folder;
+    if (i != 0) {
+      EXPECT_EQ(ends.first_keyframe.tick, before.last) << folder;
+      EXPECT_EQ(ends.first_keyframe.state, before.last_keyframe.state) << "both sides of the seam know the same state";
+    }
+    const auto replayed = replay(run, 1);
+    ASSERT_TRUE(replayed) << replayed.error();
+    EXPECT_EQ(replayed->identical, ends.ticks) << replay_text(*replayed);
+    EXPECT_TRUE(replayed->is_whole() && replayed->reproduces()) << replay_text(*replayed);
+    identical += replayed->identical;
+    const auto seal = check_run_seal(run.folder);
+    ASSERT_TRUE(seal) << seal.error();
+    EXPECT_TRUE(seal->closed);
+    EXPECT_EQ(seal->altered, std::vector<std::string>{});
+    const auto metrics = metrics_of(run);
+    ASSERT_TRUE(metrics);
+    EXPECT_EQ(metrics->record_gap, "") << "a part is a whole record";
+    stops += metrics->incidents.size();
+    if (metrics->last_mode == Mode::tracking) ++seams_in_tracking;
+    const std::string lines = read_frame_log(run.folder).value();
+    frames += static_cast<std::uint64_t>(std::ranges::count(lines, '\n'));
+    before = ends;
+  }
+  EXPECT_EQ(identical, kTicks);
+  EXPECT_EQ(frames, kTicks) << "one frame a tick";
+  EXPECT_GE(seams_in_tracking, kSeams);
+  EXPECT_EQ(stops, 0U);
+  const RecordedRun middle = part(50);
+  EXPECT_NE(report_text(*metrics_of(middle), middle).find("part          goes on from run.50, goes on in run.52\n"),
+            std::string::npos)
+      << report_text(*metrics_of(middle), middle);
+}
+
+// Goal: where no folder can be made, the record takes more where it is, and says why. Method: a folder whose successors
+// have names that are longer than a file system takes.
+TEST_F(RunPartsTest, WithoutANextFolderItGoesOnWhereItIs) {
+  start(1, std::string(254, 'r'));
+  record(2'000);
+  EXPECT_NE(parts_->failure().find("File name too long"), std::string::npos) << parts_->failure();
+  EXPECT_EQ(robot_.latest().header.mode, Mode::tracking);
+  finish();
+  ASSERT_EQ(folders_.size(), 1U);
+  const RecordedRun run = part(0);
+  EXPECT_TRUE(run.manifest.complete);
+  EXPECT_EQ(ends_of(run).ticks, 2'000U);
+}
+
+// Goal: what a policy was shown for a command is in the command's part, on whichever side of the seam it was told.
+// Method: an input in each drain, with the number of the newest tick; each part has those of its ticks.
+TEST_F(RunPartsTest, AnInputIsOnBothSidesOfASeam) {
+  start(1);
+  each_drain = [&] {
+    RecordedPolicyInput input;
+    input.input.header.observation_id = robot_.latest().header.tick;
+    input.crc = crc_of(input.input);
+    parts_->sink().policy_input(input);
+  };
+  record(2'100);
+  finish();
+  ASSERT_GE(folders_.size(), 5U);
+  for (std::size_t i = 0; i + 1 < folders_.size(); ++i) {
+    const RecordedRun run = part(i);
+    std::set<std::uint64_t> inputs;
+    ASSERT_TRUE(scan_run(
+        run,
+        {.tick = {}, .command = {}, .keyframe = {}, .loss = {}, .policy_input = [&](const RecordedPolicyInput& input) {
+           inputs.insert(input.input.header.observation_id);
+         }}));
+    for (std::uint64_t tick = run.manifest.first_tick + 19; tick <= run.manifest.last_tick + 20; ++tick)
+      EXPECT_TRUE(tick % 20 != 0 || inputs.contains(tick)) << run.manifest.run_id << " lacks " << tick;
+  }
+}
+
+}  // namespace
+}  // namespace takt::monitor
