@@ -36,6 +36,7 @@ int fail(std::string_view command, const std::string& sentence);  // "takt repor
 using AddCommand = void (*)(CLI::App& app, int& exit_code);
 
 void add_run(CLI::App& app, int& exit_code);
+void add_runs(CLI::App& app, int& exit_code);
 void add_arm(CLI::App& app, int& exit_code);
 void add_stop(CLI::App& app, int& exit_code);
 void add_reset(CLI::App& app, int& exit_code);

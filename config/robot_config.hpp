@@ -411,12 +411,19 @@ struct ImageRecord {
   double rate_mib_per_s = 0;  // in the mean; above 0
 };
 
+// Which runs stay; none given: all.
+struct RunKeep {
+  std::optional<int> days, gib;
+  [[nodiscard]] bool is_given() const { return days || gib; }
+};
+
 struct Record {
   Recorder recorder = Recorder::required;
   std::string directory;  // absolute after load
   Duration keyframe_period;
   bool policy_inputs = true;
   ImageRecord images;
+  RunKeep keep;
 };
 
 struct DdsPeer {

@@ -34,6 +34,7 @@
 #include "monitor/record/bounded_file.hpp"
 #include "monitor/record/record_stream.hpp"
 #include "monitor/record/run_parts.hpp"
+#include "monitor/run_keeper.hpp"
 
 namespace {
 
@@ -102,7 +103,8 @@ enum class Recorded : std::uint8_t { whole, in_part, not_at_all };
 
 // One session of the executive, from attach to its end or ours. Not at all: the folder cannot be written.
 Recorded record_session(const ExecutiveSession& session, const Options& options, const config::RobotConfig& robot,
-                        trace::Introduction& introduction, Exports& exports, ClosingReviews& reviews) {
+                        const RunKeeper& keeper, trace::Introduction& introduction, Exports& exports,
+                        ClosingReviews& reviews) {
   RunManifest manifest = describe(session, robot, options.runtime_directory, monotonic_now(), realtime_ns());
   const auto folder = RunFolder::create(wanted_folder(options, robot, manifest.run_id));
   if (folder) manifest.run_id = std::filesystem::path(folder->path()).filename();  // one name for one run
@@ -128,7 +130,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   RecordSink sink = exports.also_to((*recorder)->sink());
   sink.policy_input = [&, record = sink.policy_input](const RecordedPolicyInput& input) {
     record(input);
-    if ((*recorder)->stop_reason().empty()) images->shown(input.input);
+    if ((*recorder)->stop_reason().empty() && !(*recorder)->stands_by()) images->shown(input.input);
   };
   sink.loss = [declare = sink.loss, said = false](const Loss& loss) mutable {
     declare(loss);
@@ -176,6 +178,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     tell_if_it_goes_on_here();
     tell_progress();
     for (const std::string& closed : (*recorder)->take_closed()) review(closed);
+    exports.room_left(keeper.hours_left());
     exports.drained(monotonic_now());
     reviews.look();
     next = std::max(next + kDrainPeriod, monotonic_now());
@@ -205,6 +208,7 @@ int monitor_robot(Options options) {
   if (robot->policy) policy_hash = config::policy_hash(robot->policy->file).value_or(0);
   trace::Introduction introduction("takt-monitor", robot->hash, policy_hash, robot->joints);
   Exports exports(*robot, options.runtime_directory);
+  const RunKeeper keeper(*robot);
   ClosingReviews reviews;
   std::string said;
   int exit_code = 0;
@@ -213,7 +217,7 @@ int monitor_robot(Options options) {
                                                   std::chrono::milliseconds(500));
     if (session) {
       said.clear();
-      const Recorded recorded = record_session(*session, options, *robot, introduction, exports, reviews);
+      const Recorded recorded = record_session(*session, options, *robot, keeper, introduction, exports, reviews);
       if (recorded == Recorded::not_at_all) return kExitSetUp;
       if (recorded == Recorded::in_part) exit_code = kExitIncomplete;
     } else if (session.error() != said) {

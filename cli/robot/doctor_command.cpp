@@ -2,6 +2,7 @@
 // takt doctor: what on this machine stands between a robot and a punctual control loop.
 #include <fmt/format.h>
 
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -12,6 +13,7 @@
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "monitor/record/bounded_file.hpp"
+#include "monitor/record/run_shelf.hpp"
 #include "systemd/doctor/collect.hpp"
 #include "systemd/doctor/diagnose.hpp"
 #include "systemd/doctor/wakeup_probe.hpp"
@@ -24,6 +26,12 @@ struct DoctorOptions {
   double seconds = 10;
   bool load = false, json = false, keep = false;
 };
+
+double hours_left(const config::RobotConfig& robot, std::uint64_t free_bytes) {
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  const std::int64_t now_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(now).count();
+  return monitor::hours_left(monitor::runs_in(robot.record.directory, now_ns), robot, free_bytes);
+}
 
 // Where the runs go, so that the disk is the robot's.
 std::string load_folder(const config::RobotConfig* robot) {
@@ -69,6 +77,7 @@ int examine(const DoctorOptions& options) {
   }
   const config::RobotConfig* const known = robot ? &*robot : nullptr;
   doctor::Snapshot snapshot = doctor::collect({}, known);
+  if (robot) snapshot.runs_hours_left = hours_left(*robot, snapshot.runs_free_bytes);
   if (options.seconds > 0) snapshot.wakeup = doctor::measure_wakeups(probe_plan(known, options));
   const auto findings = doctor::diagnose(snapshot, known);
   fmt::print("{}{}", options.json ? doctor::json_of(findings, snapshot) : doctor::text_of(findings, snapshot),

@@ -117,7 +117,11 @@ class Replayer {
   // Why it cannot be replayed; empty: it was.
   std::string answer(RecordedPolicyInput recorded);
   void command(const RecordedCommand& recorded);
-  void lost(const Loss& loss) { (loss.reason == "before_attach" ? result_.before : result_.lost) += loss.count; }
+  void lost(const Loss& loss) {
+    (loss.reason == kStoodBy          ? stood_by_
+     : loss.reason == "before_attach" ? result_.before
+                                      : result_.lost) += loss.count;
+  }
   PolicyReplay finish();
   [[nodiscard]] Player sender() const { return result_.sender; }
 
@@ -161,6 +165,7 @@ class Replayer {
   std::vector<float> output_;
   std::vector<Sum> joints_;
   std::uint64_t last_inference_ = 0;
+  std::uint64_t stood_by_ = 0;  // answers left out of quiet standby
   bool state_known_ = false;
   std::map<Key, std::uint32_t> answered_, read_;  // contents that wait for their counterpart
   PolicyReplay result_;
@@ -346,7 +351,9 @@ void Replayer::command(const RecordedCommand& recorded) {
 }
 
 PolicyReplay Replayer::finish() {
-  result_.unanswered = read_.size() - std::min<std::uint64_t>(read_.size(), result_.before + result_.lost);
+  const std::uint64_t untold = result_.before + result_.lost + stood_by_;
+  result_.unanswered = read_.size() - std::min<std::uint64_t>(read_.size(), untold);
+  result_.missing -= std::min(result_.missing, stood_by_);
   for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
     const Sum& sum = joints_[joint];
     const double rms = sum.values == 0 ? 0 : std::sqrt(sum.squares / static_cast<double>(sum.values));

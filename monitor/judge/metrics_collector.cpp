@@ -57,10 +57,14 @@ void MetricsCollector::tick(const TickRecord& record) {
 }
 
 void MetricsCollector::loss(const Loss& loss) {
-  metrics_.losses[loss.ring + " " + loss.reason] += loss.count;
+  if (loss.reason != kStoodBy)
+    metrics_.losses[loss.ring + " " + loss.reason] += loss.count;
+  else if (loss.ring == "tick")
+    metrics_.stood_by_ticks += loss.count;
 }
 
 void MetricsCollector::finish(double epsilon, double confidence) {
+  metrics_.missing_ticks -= std::min(metrics_.missing_ticks, metrics_.stood_by_ticks);
   if (metrics_.ticks == 0) return;
   metrics_.last_tick = last_.tick;
   metrics_.start = first_.now;

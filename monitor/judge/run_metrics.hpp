@@ -100,6 +100,7 @@ struct RunMetrics {
   std::uint64_t mark_count = 0;
   std::map<std::string, std::uint64_t> losses;  // "tick overwritten" -> entries
   std::uint64_t missing_ticks = 0;              // gaps in the tick numbers
+  std::uint64_t stood_by_ticks = 0;             // left out of quiet standby (standby_thinner.hpp); no gap
   ScanReport scan;
 };
 inline constexpr std::size_t kListedTransitions = 1000;

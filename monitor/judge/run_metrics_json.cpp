@@ -110,11 +110,9 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
   json["robot"] = run.manifest.robot;
   json["contract"] = {
       {"max_age_ns", freshness.max_age.ns}, {"epsilon", freshness.epsilon}, {"confidence", freshness.confidence}};
-  json["ticks"] = {{"recorded", metrics.ticks},
-                   {"first", metrics.first_tick},
-                   {"last", metrics.last_tick},
-                   {"missing", metrics.missing_ticks},
-                   {"relied_on_policy", metrics.relied_ticks},
+  json["ticks"] = {{"recorded", metrics.ticks},          {"first", metrics.first_tick},
+                   {"last", metrics.last_tick},          {"missing", metrics.missing_ticks},
+                   {"stood_by", metrics.stood_by_ticks}, {"relied_on_policy", metrics.relied_ticks},
                    {"span_ns", metrics.span.ns}};
   json["quantile_method"] = "exclusive";
   json["bound_method"] = "one-sided Clopper-Pearson";

@@ -123,7 +123,7 @@ void Recorder::tick(const TickRecord& record) {
   encode_tick(record, crc_of(record), message_);
   write(Topic::tick, now_);
   if (manifest_.ticks == 0) manifest_.first_tick = record.header.tick;
-  manifest_.last_tick = record.header.tick;
+  manifest_.last_tick = newest_tick_ = record.header.tick;
   ++manifest_.ticks;
   if (record.header.tick % joint_state_every_ == 0 && record.header.joint_count == manifest_.joints.size()) {
     encode_joint_state(record, unix_ns(now_), manifest_.joints, message_);
@@ -180,8 +180,13 @@ void Recorder::write_frames() {
 }
 
 void Recorder::loss(const Loss& lost) {
-  manifest_.losses[lost.ring + " " + lost.reason] += lost.count;
-  if (manifest_.first_losses.size() < kListedLosses) manifest_.first_losses.push_back(lost);
+  const bool stood_by = lost.reason == kStoodBy;
+  if (stood_by && lost.ring == "tick" && stop_reason().empty()) {
+    manifest_.stood_by_ticks += lost.count;
+    newest_tick_ = lost.before_tick - 1;
+  }
+  if (!stood_by) manifest_.losses[lost.ring + " " + lost.reason] += lost.count;
+  if (!stood_by && manifest_.first_losses.size() < kListedLosses) manifest_.first_losses.push_back(lost);
   encode_loss(lost, message_);
   write(Topic::loss, now_);
 }
@@ -194,6 +199,7 @@ void Recorder::flush_ticks() {
   }
   flushed_ticks_ = manifest_.ticks;
   flushed_tick_ = manifest_.last_tick;
+  flushed_through_ = newest_tick_;
 }
 
 void Recorder::flush() {
@@ -254,7 +260,7 @@ std::expected<std::unique_ptr<Recorder>, std::string> Recorder::begin_next(const
   manifest.run_id = folder.name();
   manifest.goes_on_from = manifest_.run_id;
   manifest.started_at = now_;
-  manifest.ticks = manifest.first_tick = manifest.last_tick = 0;
+  manifest.ticks = manifest.first_tick = manifest.last_tick = manifest.stood_by_ticks = 0;
   manifest.losses.clear();
   manifest.first_losses.clear();
   auto next = make(folder, std::move(manifest), watch_, kNoLimit);

@@ -48,8 +48,10 @@ class Recorder {
   [[nodiscard]] const std::string& stop_reason() const { return manifest_.stopped_because; }  // empty: recording
   // Of the largest file.
   [[nodiscard]] std::uint64_t size() const;
-  // Newest tick that the medium has; 0: none yet, or recording stopped.
-  [[nodiscard]] std::uint64_t written_through() const { return stop_reason().empty() ? flushed_tick_ : 0; }
+  // Newest tick that the medium has, or that stood by and was left out; 0: none yet, or recording stopped.
+  [[nodiscard]] std::uint64_t written_through() const { return stop_reason().empty() ? flushed_through_ : 0; }
+  // Newest tick that it was given, or told to be left out.
+  [[nodiscard]] std::uint64_t newest_tick() const { return newest_tick_; }
   [[nodiscard]] const RunManifest& manifest() const { return manifest_; }
 
  private:
@@ -91,8 +93,9 @@ class Recorder {
   MonoTime now_;            // of the newest tick: log time of what has none of its own
   MonoTime flushed_at_;
   MonoTime segment_began_, sealed_at_;
-  std::uint64_t joint_state_every_;                     // ticks
-  std::uint64_t flushed_ticks_ = 0, flushed_tick_ = 0;  // what is on the medium
+  std::uint64_t joint_state_every_;  // ticks
+  std::uint64_t newest_tick_ = 0;
+  std::uint64_t flushed_ticks_ = 0, flushed_tick_ = 0, flushed_through_ = 0;  // what is on the medium
 };
 
 }  // namespace takt::monitor

@@ -134,6 +134,7 @@ Json to_json(const RunManifest& manifest) {
   json["ticks"] = {{"recorded", manifest.ticks},
                    {"first", manifest.first_tick},
                    {"last", manifest.last_tick},
+                   {"stood_by", manifest.stood_by_ticks},
                    {"unrecorded", manifest.unrecorded_ticks}};
   json["recording_stopped"] = text_or_null(manifest.stopped_because);
   json["losses"] = losses_json(manifest);
@@ -191,6 +192,7 @@ std::expected<RunManifest, std::string> manifest_of(const Json& json) {
     ticks.at("recorded").get_to(manifest.ticks);
     ticks.at("first").get_to(manifest.first_tick);
     ticks.at("last").get_to(manifest.last_tick);
+    manifest.stood_by_ticks = ticks.value("stood_by", std::uint64_t{0});
     ticks.at("unrecorded").get_to(manifest.unrecorded_ticks);
     manifest.stopped_because = text_of(json.at("recording_stopped"));
     json.at("losses").at("totals").get_to(manifest.losses);

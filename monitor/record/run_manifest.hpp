@@ -50,6 +50,7 @@ struct RunManifest {
   bool complete = false;                 // closed in order, and recording never had to stop
   std::string stopped_because;           // non-empty: recording stopped before the run did
   std::uint64_t ticks = 0, first_tick = 0, last_tick = 0;
+  std::uint64_t stood_by_ticks = 0;             // left out between first and last: one in kOneIn of standby is kept
   std::uint64_t unrecorded_ticks = 0;           // seen after recording stopped
   std::map<std::string, std::uint64_t> losses;  // "tick overwritten" -> entries
   std::vector<Loss> first_losses;               // at most kListedLosses

@@ -90,11 +90,13 @@ inline constexpr std::string_view kImageLoss = "image";
 inline constexpr std::array<std::string_view, 3> kRingLossReasons{"overwritten", "before_attach", "unreadable"};
 inline constexpr std::string_view kTooMany = "too_many";                    // of policies' inputs alone
 inline constexpr std::string_view kRecordingStopped = "recording_stopped";  // of the tick ring alone
+// Of the tick ring and of policies' inputs: no loss, but what standby_thinner.hpp left out.
+inline constexpr std::string_view kStoodBy = "standby";
 
 struct Loss {
-  std::string ring;               // of kRingNames, or kImageLoss
-  std::string reason;             // of kRingLossReasons, kTooMany, kRecordingStopped, or what became of an image
-  std::uint64_t count = 0;        // entries of the ring
+  std::string ring;         // of kRingNames, or kImageLoss
+  std::string reason;       // of kRingLossReasons, kTooMany, kRecordingStopped, kStoodBy, or what became of an image
+  std::uint64_t count = 0;  // entries of the ring
   std::uint64_t after_tick = 0;   // last tick recorded before the gap; 0 none
   std::uint64_t before_tick = 0;  // first tick recorded after it; 0 none
 };

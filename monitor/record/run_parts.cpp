@@ -30,14 +30,22 @@ RunParts::RunParts(RunFolder folder, std::unique_ptr<Recorder> first, std::uint6
       folder_(std::move(folder)),
       part_bytes_(part_bytes),
       next_at_bytes_(part_bytes),
-      current_(std::move(first)) {
-  sink_ = {.command = [this](const RecordedCommand& command) { current_->sink().command(command); },
-           .tick = [this](const TickRecord& record) { current_->sink().tick(record); },
-           .keyframe = [this](const RecordedKeyframe& each) { keyframe(each); },
-           .frame = [this](const FrameRecord& frame) { current_->sink().frame(frame); },
+      current_(std::move(first)),
+      thinner_(into_parts_) {
+  sink_ = {.command = [this](const RecordedCommand& command) { thinner_.command(command); },
+           .tick = [this](const TickRecord& record) { thinner_.tick(record); },
+           .keyframe = [this](const RecordedKeyframe& each) { thinner_.keyframe(each); },
+           .frame = [this](const FrameRecord& frame) { thinner_.frame(frame); },
            .loss = [this](const Loss& loss) { current_->sink().loss(loss); },
-           .policy_input = [this](const RecordedPolicyInput& input) { policy_input(input); },
+           .policy_input = [this](const RecordedPolicyInput& input) { thinner_.policy_input(input); },
            .image = [this](const ShownImage& image) { current_->sink().image(image); }};
+  into_parts_ = {.command = [this](const RecordedCommand& command) { current_->sink().command(command); },
+                 .tick = [this](const TickRecord& record) { current_->sink().tick(record); },
+                 .keyframe = [this](const RecordedKeyframe& each) { keyframe(each); },
+                 .frame = [this](const FrameRecord& frame) { current_->sink().frame(frame); },
+                 .loss = [this](const Loss& loss) { current_->sink().loss(loss); },
+                 .policy_input = [this](const RecordedPolicyInput& input) { policy_input(input); },
+                 .image = [this](const ShownImage& image) { current_->sink().image(image); }};
 }
 
 RunParts::~RunParts() {
@@ -53,7 +61,7 @@ void RunParts::policy_input(const RecordedPolicyInput& input) {
 
 void RunParts::keyframe(const RecordedKeyframe& keyframe) {
   current_->sink().keyframe(keyframe);
-  const bool is_of_newest = keyframe.tick == current_->manifest().last_tick;  // and that tick was not lost
+  const bool is_of_newest = keyframe.tick == current_->newest_tick();  // and that tick was not lost
   if (is_of_newest && !ending_ && current_->size() >= next_at_bytes_ && stop_reason().empty()) begin_next(keyframe);
 }
 
@@ -97,6 +105,7 @@ void RunParts::close_ending() {
 }
 
 std::expected<void, std::string> RunParts::finish(MonoTime now, const std::string& because) {
+  thinner_.finish();
   if (ending_) close_ending();
   if (closer_.joinable()) closer_.join();
   return current_->finish(now, because);

@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "monitor/record/recorder.hpp"
+#include "monitor/record/standby_thinner.hpp"
 
 namespace takt::monitor {
 
@@ -48,6 +49,8 @@ class RunParts {
   [[nodiscard]] const std::string& stop_reason() const { return current_->stop_reason(); }
   [[nodiscard]] std::uint64_t written_through() const;
   [[nodiscard]] const RunManifest& manifest() const { return current_->manifest(); }
+  // The robot stands by, and what a policy is shown now is most likely left out.
+  [[nodiscard]] bool stands_by() const { return thinner_.holds_back(); }
   [[nodiscard]] const RunFolder& folder() const { return folder_; }
 
   // Folders of the parts that were closed since the last call, but the last one.
@@ -72,6 +75,8 @@ class RunParts {
   std::uint64_t part_bytes_, next_at_bytes_;
   int number_ = 1;
   std::unique_ptr<Recorder> current_;
+  RecordSink into_parts_;  // what the thinner keeps
+  StandbyThinner thinner_;
   RecordSink sink_;
   OnSeam on_seam_;
   std::deque<RecordedPolicyInput> newest_inputs_;

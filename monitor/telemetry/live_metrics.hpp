@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -55,6 +56,7 @@ class LiveMetrics {
   std::string run_id;
   bool running = false;    // an executive runs
   bool recording = false;  // and its run folder is written
+  double hours_left = std::numeric_limits<double>::quiet_NaN();  // of room for runs; not a number: not known
   std::uint64_t ticks = 0;
   std::uint64_t relied_ticks = 0, deadline_misses = 0;  // of the freshness contract, per tick (run_metrics.hpp)
   Histogram age;                                        // of the command in use, each tick that relied on the policy

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <cmath>
 #include <initializer_list>
 #include <string_view>
 #include <utility>
@@ -43,7 +44,8 @@ class Exposition {
   }
   template <class Number>
   void sample(Number value, std::initializer_list<Label> labels = {}) {
-    line("", labels, fmt::format("{}", value));
+    const bool is_infinite = std::isinf(static_cast<double>(value));
+    line("", labels, is_infinite ? "+Inf" : fmt::format("{}", value));
   }
   void histogram(const Histogram& histogram, std::initializer_list<Label> labels = {}) {
     std::uint64_t below = 0;
@@ -158,6 +160,10 @@ void loop(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig
     out.sample(metrics.overruns[i], {{"cause", name(static_cast<OverrunCause>(i))}});
   out.family("takt_skipped_periods_total", "counter", "Periods in which the loop did not run.");
   out.sample(metrics.skipped_periods);
+  if (!std::isnan(metrics.hours_left)) {
+    out.family("takt_record_hours_left", "gauge", "Until the disk of the runs is full; +Inf: record.keep makes room.");
+    out.sample(metrics.hours_left);
+  }
   out.family("takt_record_losses_total", "counter", "Entries the monitor could not record, by ring and reason.");
   for (const auto& [what, entries] : metrics.losses)
     out.sample(entries, {{"ring", what.first}, {"reason", what.second}});

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// LiveMetrics in Prometheus's text exposition format 0.0.4: base units, HELP and TYPE for every family, one sample per
-// line. docs/metrics.md lists the families. Pure.
+// LiveMetrics in Prometheus's text exposition format 0.0.4: base units (but for the hours of room), HELP and TYPE for
+// every family, one sample per line. docs/metrics.md lists the families. Pure.
 #pragma once
 
 #include <string>

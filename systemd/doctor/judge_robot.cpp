@@ -13,7 +13,7 @@ namespace takt::doctor {
 namespace {
 
 constexpr std::uint64_t kGiB = std::uint64_t{1} << 30U;
-constexpr std::uint64_t kLeastRoom = kGiB, kGoodRoom = 10 * kGiB;
+constexpr double kLeastHours = 1, kGoodHours = 24;
 constexpr std::int64_t kShortestQueue = 32;  // frames
 constexpr std::uint32_t kErrorWarning = 96;  // ISO 11898-1: a heavily disturbed bus
 
@@ -67,13 +67,16 @@ Finding can_interface(const config::Bus& bus, const drivers::CanLink& can) {
 }
 
 Finding disk(const Snapshot& machine) {
+  const double hours = machine.runs_hours_left;
   const std::string found =
-      fmt::format("{:.1f} GiB free", static_cast<double>(machine.runs_free_bytes) / static_cast<double>(kGiB));
-  if (machine.runs_free_bytes < kLeastRoom)
-    return bad(Verdict::fail, "disk", found + ": recording would end", machine.runs_folder,
-               "remove old runs, or name another record.directory");
-  if (machine.runs_free_bytes < kGoodRoom)
-    return bad(Verdict::warn, "disk", found, machine.runs_folder, "an hour of twelve joints takes some GiB: make room");
+      fmt::format("{:.1f} GiB free: {}", static_cast<double>(machine.runs_free_bytes) / static_cast<double>(kGiB),
+                  std::isinf(hours) ? "record.keep makes room" : fmt::format("{:.1f} hours of recording", hours));
+  if (hours < kLeastHours)
+    return bad(Verdict::fail, "disk", found, machine.runs_folder,
+               "remove old runs (takt runs list), or name another record.directory");
+  if (hours < kGoodHours)
+    return bad(Verdict::warn, "disk", found, machine.runs_folder,
+               "make room, or let record.keep delete old runs (docs/run-folder.md)");
   return fine("disk", found, machine.runs_folder);
 }
 

@@ -80,7 +80,7 @@ TEST_F(Cli, HelpOfEveryCommandHasAnExampleAndItsExitCodes) {
        {"run",    "arm",          "stop",        "reset",       "mark",       "command",       "gamepad",
         "status", "top",          "report",      "replay",      "budget",     "margin",        "ablate",
         "ages",   "config check", "config show", "config keys", "config new", "config import", "doctor",
-        "deploy", "rollback",     "bus up",      "bus disable"}) {
+        "deploy", "rollback",     "bus up",      "bus disable", "runs list", "runs keep", "runs prune"}) {
     const Ended help = run(std::string(command) + " --help");
     EXPECT_EQ(help.exit_code, 0) << command;
     const bool has_example = help.output.find("Example: takt ") != std::string::npos ||

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "config/printable.hpp"
+#include "monitor/record/standby_thinner.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -194,6 +195,9 @@ std::string losses(const RunMetrics& metrics, const RecordedRun& run) {
     text += fmt::format("{}{} ticks", text.empty() ? "" : "; in all ", metrics.missing_ticks);
   if (text.empty()) text = none_in(metrics);
   text = fmt::format("losses        {}\n", text);
+  if (metrics.stood_by_ticks != 0)
+    text += fmt::format("standby       one tick in {} kept; {} that stood by were left out\n", StandbyThinner::kOneIn,
+                        metrics.stood_by_ticks);
   if (!run.manifest.stopped_because.empty()) {
     text += fmt::format("              recording stopped: {}\n", run.manifest.stopped_because);
   }

@@ -144,6 +144,71 @@ TEST_F(RunPartsTest, WithoutANextFolderItGoesOnWhereItIs) {
   EXPECT_EQ(ends_of(run).ticks, 2'000U);
 }
 
+// Goal: a robot that stands by fills little, loses nothing that tells, and its record is exact where it is kept.
+// Method: standby of 23 s, then arming in the middle between two keyframes; in one part, and with a seam at every
+// keyframe.
+class Standby : public RunPartsTest, public testing::WithParamInterface<std::uint64_t> {};
+
+TEST_P(Standby, OneTickInTwentyIsKeptAndReplaysExactly) {
+  constexpr std::uint64_t kTicks = 25'000, kQuiet = 5'200, kArmAt = 23'457, kBefore = 23'400;
+  robot_.arm_at = kArmAt;
+  start(GetParam());
+  std::uint64_t inputs = 0;
+  each_drain = [&] {
+    RecordedPolicyInput input;
+    input.input.header.observation_id = ++inputs;
+    input.crc = crc_of(input.input);
+    parts_->sink().policy_input(input);
+  };
+  record(kTicks);
+  EXPECT_EQ(robot_.latest().header.mode, Mode::tracking) << "what is held back counts as recorded in time";
+  finish();
+  std::set<std::uint64_t> kept;
+  std::uint64_t stood_by = 0, frames = 0, inputs_left_out = 0, inputs_kept = 0;
+  for (std::size_t i = 0; i < folders_.size(); ++i) {
+    const RecordedRun run = part(i);
+    std::uint64_t here = 0;
+    ASSERT_TRUE(scan_run(run, {.tick =
+                                   [&](const RecordedTick& tick) {
+                                     ++here;
+                                     EXPECT_TRUE(kept.insert(tick.record.header.tick).second);
+                                   },
+                               .command = {},
+                               .keyframe = {},
+                               .loss =
+                                   [&](const Loss& loss) {
+                                     EXPECT_EQ(loss.reason, kStoodBy);
+                                     if (loss.ring == "policy_input") inputs_left_out += loss.count;
+                                   },
+                               .policy_input = [&](const RecordedPolicyInput&) { ++inputs_kept; }}));
+    const auto replayed = replay(run, 1);
+    ASSERT_TRUE(replayed) << replayed.error();
+    EXPECT_EQ(replayed->identical, here) << replay_text(*replayed);
+    EXPECT_TRUE(replayed->is_whole()) << replay_text(*replayed);
+    EXPECT_EQ(replayed->gaps, 0U);
+    const auto metrics = metrics_of(run);
+    ASSERT_TRUE(metrics);
+    EXPECT_EQ(metrics->record_gap, "") << run.folder.path();
+    EXPECT_EQ(metrics->missing_ticks, 0U);
+    EXPECT_TRUE(metrics->losses.empty() && run.manifest.losses.empty());
+    EXPECT_EQ(metrics->stood_by_ticks, run.manifest.stood_by_ticks);
+    EXPECT_EQ(report_text(*metrics, run).find("standby       one tick in 20 kept; ") != std::string::npos,
+              metrics->stood_by_ticks != 0);
+    stood_by += metrics->stood_by_ticks;
+    frames += static_cast<std::uint64_t>(std::ranges::count(read_frame_log(run.folder).value(), '\n'));
+  }
+  EXPECT_EQ(kept.size() + stood_by, kTicks) << "each tick is there, or was left out";
+  EXPECT_GE(frames, kept.size()) << "a kept tick's frames are kept";
+  EXPECT_LE(frames, kept.size() + 20) << "of the others those only that a drain of the rings told before quiet began";
+  for (std::uint64_t tick = 1; tick <= kTicks; ++tick)
+    EXPECT_TRUE((tick > kQuiet - 200 && tick <= kBefore) || kept.contains(tick)) << tick;
+  EXPECT_LT(kept.size(), kQuiet + (kBefore - kQuiet) / 19 + (kTicks - kBefore));
+  EXPECT_GT(inputs_left_out, 500U);
+  EXPECT_GE(inputs_left_out + inputs_kept, inputs);
+}
+INSTANTIATE_TEST_SUITE_P(Parts, Standby, testing::Values(1U, 1U << 30U),
+                         [](const auto& row) { return row.param == 1 ? "Many" : "One"; });
+
 // Goal: what a policy was shown for a command is in the command's part, on whichever side of the seam it was told.
 // Method: an input in each drain, with the number of the newest tick; each part has those of its ticks.
 TEST_F(RunPartsTest, AnInputIsOnBothSidesOfASeam) {

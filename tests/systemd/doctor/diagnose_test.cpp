@@ -55,6 +55,7 @@ Snapshot good_machine() {
   }
   machine.runs_folder = "/var/lib/takt/runs";
   machine.runs_free_bytes = 100 * kGiB;
+  machine.runs_hours_left = 80;
   WakeupLatency wakeup;
   wakeup.real_time = true;
   wakeup.held_awake = true;
@@ -161,8 +162,8 @@ TEST(Diagnose, EachBadFactIsNamedAloneWithItsCure) {
       {"disturbed", Verdict::warn, "can can0", "termination", [](Snapshot& m) { m.can[0].receive_errors = 96; }},
       {"was off", Verdict::warn, "can can0", "timing", [](Snapshot& m) { m.can[0].went_off = 1; }},
       {"short queue", Verdict::warn, "can can0", "takt bus up", [](Snapshot& m) { m.can[0].queue_length = 10; }},
-      {"full disk", Verdict::fail, "disk", "remove", [](Snapshot& m) { m.runs_free_bytes = kGiB / 2; }},
-      {"little room", Verdict::warn, "disk", "room", [](Snapshot& m) { m.runs_free_bytes = 5 * kGiB; }},
+      {"full disk", Verdict::fail, "disk", "remove", [](Snapshot& m) { m.runs_hours_left = 0.5; }},
+      {"little room", Verdict::warn, "disk", "room", [](Snapshot& m) { m.runs_hours_left = 5; }},
       {"no watchdog", Verdict::warn, "watchdog", "iTCO_wdt", [](Snapshot& m) { m.watchdog.clear(); }},
       {"unfed watchdog", Verdict::warn, "watchdog", "RuntimeWatchdogSec",
        [](Snapshot& m) { m.systemd_watchdog.clear(); }},

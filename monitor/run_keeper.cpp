@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "monitor/run_keeper.hpp"
+
+#include <spdlog/spdlog.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <stop_token>
+
+#include "monitor/record/run_shelf.hpp"
+
+namespace takt::monitor {
+namespace {
+
+constexpr std::chrono::minutes kPeriod{1};
+
+std::int64_t unix_ns() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+}  // namespace
+
+RunKeeper::RunKeeper(const config::RobotConfig& robot)
+    : thread_([this, &robot](const std::stop_token& stop) {
+        std::mutex mutex;
+        std::condition_variable_any ended;
+        std::unique_lock lock(mutex);
+        do look(robot);
+        while (!ended.wait_for(lock, stop, kPeriod, [&] { return stop.stop_requested(); }));
+      }) {}
+
+void RunKeeper::look(const config::RobotConfig& robot) {
+  for (const ShelvedRun& run : prune(robot, unix_ns()))
+    spdlog::info("deleted {}, as record.keep says ({:.1f} GiB)", run.folder,
+                 static_cast<double>(run.bytes) / (1U << 30U));
+  hours_left_ =
+      monitor::hours_left(runs_in(robot.record.directory, unix_ns()), robot, free_bytes_at(robot.record.directory));
+}
+
+}  // namespace takt::monitor
