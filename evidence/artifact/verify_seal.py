@@ -243,8 +243,13 @@ def check_run(folder):
         if not isinstance(segments, list) or any(not isinstance(one, dict) or any(type(one.get(key)) is not kind for key, kind in shape) for one in segments):
             raise Refused("seal.json is not as it was written")
         check_segments(folder, name, segments)
-    if "manifest.json" not in files or parsed(content(folder, "manifest.json"), "manifest.json").get("run_id") != seal.get("run_id"):
+    manifest = parsed(content(folder, "manifest.json"), "manifest.json") if "manifest.json" in files else {}
+    if manifest.get("run_id") != seal.get("run_id"):
         raise Refused("seal.json is of another run")
+    before, digest = manifest.get("goes_on_from"), manifest.get("goes_on_from_seal_sha256")
+    beside = folder.resolve().parent / str(before) / "seal.json"
+    if digest and "/" not in str(before) and before != ".." and beside.is_file() and hashlib.sha256(beside.read_bytes()).hexdigest() != digest:
+        raise Refused(f"{before}, the part before it, has another seal than it had")
     return seal["run_id"], sum(map(len, grown.values()))
 
 

@@ -259,6 +259,7 @@ std::expected<std::unique_ptr<Recorder>, std::string> Recorder::begin_next(const
   RunManifest manifest = manifest_;
   manifest.run_id = folder.name();
   manifest.goes_on_from = manifest_.run_id;
+  manifest.goes_on_from_seal.clear();
   manifest.started_at = now_;
   manifest.ticks = manifest.first_tick = manifest.last_tick = manifest.stood_by_ticks = 0;
   manifest.losses.clear();

@@ -13,6 +13,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "config/robot_config.hpp"
 #include "monitor/record/bounded_file.hpp"
@@ -42,6 +43,8 @@ class Recorder {
   // The executive's drives.json, whenever it says something new: kept in the folder, and quoted by the manifest. What
   // is no such file of this robot is left alone.
   void drive_cards(std::string_view text);
+  // Of the part before, once that is closed.
+  void goes_on_from(std::string seal_sha256) { manifest_.goes_on_from_seal = std::move(seal_sha256); }
   // Last words. Afterwards nothing may be recorded.
   std::expected<void, std::string> finish(MonoTime now, const std::string& because);
 

@@ -130,6 +130,7 @@ Json to_json(const RunManifest& manifest) {
   json["ended"] = moment(manifest.ended_at, manifest.clock);
   json["ended_because"] = text_or_null(manifest.ended_because);
   json["goes_on_from"] = text_or_null(manifest.goes_on_from);
+  json["goes_on_from_seal_sha256"] = text_or_null(manifest.goes_on_from_seal);
   json["goes_on_in"] = text_or_null(manifest.goes_on_in);
   json["ticks"] = {{"recorded", manifest.ticks},
                    {"first", manifest.first_tick},
@@ -187,6 +188,7 @@ std::expected<RunManifest, std::string> manifest_of(const Json& json) {
     manifest.ended_at = moment_of(json.at("ended"));
     manifest.ended_because = text_of(json.at("ended_because"));
     manifest.goes_on_from = text_of(json.value("goes_on_from", Json(nullptr)));
+    manifest.goes_on_from_seal = text_of(json.value("goes_on_from_seal_sha256", Json(nullptr)));
     manifest.goes_on_in = text_of(json.value("goes_on_in", Json(nullptr)));
     const Json& ticks = json.at("ticks");
     ticks.at("recorded").get_to(manifest.ticks);

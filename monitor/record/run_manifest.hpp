@@ -47,6 +47,7 @@ struct RunManifest {
   MonoTime started_at, ended_at;  // ended_at unset while recording
   std::string ended_because;
   std::string goes_on_from, goes_on_in;  // the parts before and behind this one of a long session: their run ids
+  std::string goes_on_from_seal;         // SHA-256 of the seal.json of the part before; empty while this one is written
   bool complete = false;                 // closed in order, and recording never had to stop
   std::string stopped_because;           // non-empty: recording stopped before the run did
   std::uint64_t ticks = 0, first_tick = 0, last_tick = 0;

@@ -7,6 +7,8 @@
 #include <system_error>
 #include <utility>
 
+#include "config/sha256.hpp"
+
 namespace takt::monitor {
 namespace {
 
@@ -93,12 +95,19 @@ void RunParts::flush_if_due(MonoTime now) {
   if (ending_ && ++drains_since_seam_ >= kDrainsToLinger) close_ending();
 }
 
-void RunParts::close_ending() {
+// Each part says by its seal which one it goes on from, so that the seals of a session are a chain.
+void RunParts::wait_for_closer() {
   if (closer_.joinable()) closer_.join();
+}
+
+void RunParts::close_ending() {
+  wait_for_closer();
+  ending_->recorder->goes_on_from(seal_of_closed_);
   closer_ = std::jthread([this, ending = std::shared_ptr<Ending>(std::move(ending_)),
                           at = current_->manifest().started_at, in = current_->manifest().run_id] {
     if (ending->last_words) ending->last_words(ending->recorder->sink());
     (void)ending->recorder->finish(at, "the recording goes on in " + in);
+    seal_of_closed_ = config::file_sha256(RunFolder(ending->folder).seal()).value_or("");
     const std::scoped_lock lock(closed_mutex_);
     closed_.push_back(ending->folder);
   });
@@ -107,7 +116,8 @@ void RunParts::close_ending() {
 std::expected<void, std::string> RunParts::finish(MonoTime now, const std::string& because) {
   thinner_.finish();
   if (ending_) close_ending();
-  if (closer_.joinable()) closer_.join();
+  wait_for_closer();
+  current_->goes_on_from(seal_of_closed_);
   return current_->finish(now, because);
 }
 

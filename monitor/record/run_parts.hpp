@@ -69,6 +69,7 @@ class RunParts {
   void policy_input(const RecordedPolicyInput& input);
   void begin_next(const RecordedKeyframe& keyframe);
   void close_ending();
+  void wait_for_closer();
 
   const std::string base_;
   RunFolder folder_;
@@ -87,6 +88,8 @@ class RunParts {
   int drains_since_seam_ = 0;
   std::mutex closed_mutex_;
   std::vector<std::string> closed_;
+  std::string
+      seal_of_closed_;   // SHA-256 of the seal of the newest part that was closed; the closer's, until it is joined
   std::jthread closer_;  // last: ends first
 };
 

@@ -148,6 +148,20 @@ std::expected<ReadSeal, std::string> read_seal(const RunFolder& folder) {
   return std::move(*seal);
 }
 
+// Whether the part that it goes on from, where it lies beside, is the one that was there then. Empty: it is, or is
+// gone.
+std::string altered_part_before(const RunFolder& folder) {
+  const auto manifest = folder.read_manifest();
+  if (!manifest || manifest->goes_on_from_seal.empty()) return {};
+  const std::string& name = manifest->goes_on_from;
+  if (name.empty() || name == ".." || name.find_first_of(std::string_view("/\0", 2)) != std::string::npos) return {};
+  const auto beside = std::filesystem::absolute(folder.path()).lexically_normal().parent_path() / name / "seal.json";
+  const auto seal = config::file_sha256(beside.string());
+  return seal && *seal != manifest->goes_on_from_seal
+             ? fmt::format("{}, the part before it, has another seal than it had", name)
+             : std::string();
+}
+
 }  // namespace
 
 std::expected<std::string, std::string> run_seal_text(const RunFolder& folder, const std::string& run_id, bool closed,
@@ -192,6 +206,7 @@ std::expected<CheckedSeal, std::string> check_run_seal(const RunFolder& folder) 
     const std::uintmax_t size = std::filesystem::file_size(folder.path() + "/" + name, error);
     if (!error) checked.events_behind = size - std::min<std::uint64_t>(size, bytes_of(segments));
   }
+  if (std::string why = altered_part_before(folder); !why.empty()) checked.altered.push_back(std::move(why));
   return checked;
 }
 

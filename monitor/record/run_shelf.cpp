@@ -22,7 +22,7 @@ constexpr std::uint64_t kGib = std::uint64_t{1} << 30U;
 // For the part that is written and its successor.
 constexpr std::uint64_t kLeastFree = 2 * kGib;
 constexpr std::int64_t kDay_ns = std::int64_t{86'400} * 1'000'000'000;
-constexpr std::chrono::hours kStillWritten{1};
+constexpr std::chrono::minutes kStillWritten{10};
 constexpr const char* kKept = "kept";
 // Measured: an arm of six joints fills some 0.35 MB/s while it moves.
 constexpr double kBytesPerSecondAndJoint = 60e3;

@@ -19,7 +19,7 @@ struct ShelvedRun {
   double seconds = 0;       // of those that go on: so far
   std::uint64_t bytes = 0;  // of all its files
   std::string ended;        // how it ended, or that it goes on
-  bool goes_on = false;     // not closed, and written to within the last hour
+  bool goes_on = false;     // not closed, and written to within the last ten minutes
   bool is_kept = false;     // `takt runs keep`
   bool is_telling = false;  // holds an incident or a mark, or nobody knows
 };

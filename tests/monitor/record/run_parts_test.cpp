@@ -11,6 +11,7 @@
 
 #include "evidence/review/replay.hpp"
 #include "evidence/review/report/report_text.hpp"
+#include "monitor/record/bounded_file.hpp"
 #include "monitor/record/frame_log.hpp"
 #include "monitor/record/run_seal.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
@@ -125,6 +126,11 @@ TEST_F(RunPartsTest, AHundredSeamsWhileTrackingCostNothing) {
   EXPECT_GE(seams_in_tracking, kSeams);
   EXPECT_EQ(stops, 0U);
   const RecordedRun middle = part(50);
+  const std::string seal = read_file(part(49).folder.seal()).value();
+  ASSERT_TRUE(replace_file(part(49).folder.seal(), read_file(part(48).folder.seal()).value()));
+  EXPECT_EQ(check_run_seal(middle.folder)->altered,
+            std::vector<std::string>{"run.50, the part before it, has another seal than it had"});
+  ASSERT_TRUE(replace_file(part(49).folder.seal(), seal));
   EXPECT_NE(report_text(*metrics_of(middle), middle).find("part          goes on from run.50, goes on in run.52\n"),
             std::string::npos)
       << report_text(*metrics_of(middle), middle);
