@@ -116,14 +116,11 @@ void describe_images(Fields& fields, ImageRecord& images) {
 }
 
 void describe_keep(Fields& fields, RunKeep& keep) {
+  fields.whole_or_none({"days", "deletes older runs, but none with an incident or a mark", "none"}, keep.days, 1,
+                       36'500);
   fields.whole_or_none(
-      {"days", "deletes older runs, but for those with an incident or a mark; none: by age none", "none"}, keep.days, 1,
-      36'500);
-  fields.whole_or_none({"gib",
-                        "deletes the oldest runs beyond this many GiB in all, those with an incident or a mark last; "
-                        "none: by size none",
-                        "none"},
-                       keep.gib, 1, 1'000'000);
+      {"gib", "deletes the oldest runs beyond this many GiB, those with an incident or a mark last", "none"}, keep.gib,
+      1, 1'000'000);
 }
 
 void describe_dds(Fields& fields, Dds& dds) {
@@ -170,8 +167,7 @@ void describe_evidence(Fields& fields, RobotConfig& robot) {
                robot.record.keyframe_period, milliseconds(10), seconds(600));
     f.flag({"policy_inputs", "true: what policies are shown and networks say is kept (docs/policies.md)", "true"},
            robot.record.policy_inputs);
-    f.section({"keep", "makes the monitor delete old runs, also where 2 GiB of the disk are left; without a limit none",
-               "{}"},
+    f.section({"keep", "which runs stay: all, unless a limit is given (docs/run-folder.md)", "{}"},
               [&](Fields& keep) { describe_keep(keep, robot.record.keep); });
     f.section({"images", "files of the images that policies are shown; all are named by their hash", "{}"},
               [&](Fields& images) { describe_images(images, robot.record.images); });
