@@ -7,6 +7,7 @@
 #include <condition_variable>
 #include <mutex>
 #include <stop_token>
+#include <vector>
 
 #include "monitor/record/run_shelf.hpp"
 
@@ -32,11 +33,11 @@ RunKeeper::RunKeeper(const config::RobotConfig& robot)
       }) {}
 
 void RunKeeper::look(const config::RobotConfig& robot) {
-  for (const ShelvedRun& run : prune(robot, unix_ns()))
+  std::vector<ShelvedRun> runs = runs_in(robot.record.directory, unix_ns());
+  for (const ShelvedRun& run : prune(runs, robot, unix_ns()))
     spdlog::info("deleted {}, as record.keep says ({:.1f} GiB)", run.folder,
                  static_cast<double>(run.bytes) / (1U << 30U));
-  hours_left_ =
-      monitor::hours_left(runs_in(robot.record.directory, unix_ns()), robot, free_bytes_at(robot.record.directory));
+  hours_left_ = monitor::hours_left(runs, robot, free_bytes_at(robot.record.directory));
 }
 
 }  // namespace takt::monitor

@@ -63,7 +63,8 @@ int prune(const std::string& robot_file) {
                                           "`keep: {{ days: 30, gib: 200 }}`",
                                           robot_file));
   std::uint64_t bytes = 0;
-  const auto gone = monitor::prune(*robot, unix_ns());
+  auto runs = monitor::runs_in(robot->record.directory, unix_ns());
+  const auto gone = monitor::prune(runs, *robot, unix_ns());
   for (const monitor::ShelvedRun& run : gone) {
     bytes += run.bytes;
     fmt::print("deleted {}\n", config::printable(run.folder));

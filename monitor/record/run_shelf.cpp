@@ -143,14 +143,16 @@ std::vector<ShelvedRun> to_prune(const std::vector<ShelvedRun>& runs, const conf
   return going;
 }
 
-std::vector<ShelvedRun> prune(const config::RobotConfig& robot, std::int64_t now_unix_ns) {
-  if (!robot.record.keep.is_given()) return {};
-  const std::string& directory = robot.record.directory;
-  auto going = to_prune(runs_in(directory, now_unix_ns), robot, free_bytes_at(directory), now_unix_ns);
+std::vector<ShelvedRun> prune(std::vector<ShelvedRun>& runs, const config::RobotConfig& robot,
+                              std::int64_t now_unix_ns) {
+  auto going = to_prune(runs, robot, free_bytes_at(robot.record.directory), now_unix_ns);
   std::erase_if(going, [](const ShelvedRun& run) {
     std::error_code error;
     fs::remove_all(run.folder, error);
     return static_cast<bool>(error);
+  });
+  std::erase_if(runs, [&](const ShelvedRun& run) {
+    return std::ranges::find(going, run.folder, &ShelvedRun::folder) != going.end();
   });
   return going;
 }

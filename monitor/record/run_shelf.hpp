@@ -33,8 +33,9 @@ std::expected<void, std::string> keep_run(const std::string& folder);
 // nothing; beyond `gib`, or where the disk has less than 2 GiB left, what tells nothing, oldest first, then the rest.
 std::vector<ShelvedRun> to_prune(const std::vector<ShelvedRun>& runs, const config::RobotConfig& robot,
                                  std::uint64_t free_bytes, std::int64_t now_unix_ns);
-// Deletes them. Those that could not be deleted are left out.
-std::vector<ShelvedRun> prune(const config::RobotConfig& robot, std::int64_t now_unix_ns);
+// Deletes them, of the folder and of `runs`, which are all of record.directory's. Returns those that are gone.
+std::vector<ShelvedRun> prune(std::vector<ShelvedRun>& runs, const config::RobotConfig& robot,
+                              std::int64_t now_unix_ns);
 
 // Until the disk is full, at the pace of the robot's newest runs; before there are any, at what such a robot fills
 // while it moves. Infinite: record.keep makes room for ever.

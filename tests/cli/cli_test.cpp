@@ -80,7 +80,7 @@ TEST_F(Cli, HelpOfEveryCommandHasAnExampleAndItsExitCodes) {
        {"run",    "arm",          "stop",        "reset",       "mark",       "command",       "gamepad",
         "status", "top",          "report",      "replay",      "budget",     "margin",        "ablate",
         "ages",   "config check", "config show", "config keys", "config new", "config import", "doctor",
-        "deploy", "rollback",     "bus up",      "bus disable", "runs list", "runs keep", "runs prune"}) {
+        "deploy", "rollback",     "bus up",      "bus disable", "runs list",  "runs keep",     "runs prune"}) {
     const Ended help = run(std::string(command) + " --help");
     EXPECT_EQ(help.exit_code, 0) << command;
     const bool has_example = help.output.find("Example: takt ") != std::string::npos ||
@@ -113,6 +113,34 @@ TEST_F(Cli, WrongCommandLinesEndWith64) {
   EXPECT_EQ(says("xyzzyxyzzy"), "takt: there is no command `takt xyzzyxyzzy`; `takt help` lists them\n");
   EXPECT_EQ(run(run_arguments("--at 'soon: stop'")).exit_code, 64);
   EXPECT_EQ(run(run_arguments("--duration 20")).exit_code, 64);
+}
+
+// Goal: a run goes when the robot file says so, and not before. Method: a run of 2023 by an earlier version,
+// beside what is no run; listed, kept, and pruned by robot files that keep all, thirty days, and thirty days after all.
+TEST_F(Cli, RunsAreListedKeptAndPruned) {
+  const std::string runs = in("runs"), old = runs + "/old";
+  fs::create_directories(runs + "/no run");
+  fs::copy("tests/releases/0.2.0/run", old, fs::copy_options::recursive);
+  std::ofstream(old + "/metrics.json") << R"({"incident_count": 0, "marks": []})";
+  const Ended listed = run("runs list " + runs);
+  EXPECT_EQ(listed.exit_code, 0);
+  EXPECT_EQ(listed.output.find("old  20"), 0U) << listed.output;
+  EXPECT_NE(listed.output.find("\n1 runs, 0.0 GiB in " + runs + "\n"), std::string::npos) << listed.output;
+  const std::string robot = ::takt::test::patient_copy("config/arm6.yaml", directory(), {{"record.directory", runs}});
+  EXPECT_EQ(run("runs list " + robot).output, listed.output);
+  const Ended keeps_all = run("runs prune " + robot);
+  EXPECT_EQ(keeps_all.exit_code, 64);
+  EXPECT_NE(keeps_all.output.find("keeps every run; write record.keep"), std::string::npos) << keeps_all.output;
+  (void)::takt::test::patient_copy("config/arm6.yaml", directory(),
+                                   {{"record.directory", runs}, {"record.keep.days", "30"}});
+  EXPECT_EQ(run("runs keep " + old).exit_code, 0);
+  EXPECT_NE(run("runs list " + runs).output.find("kept; "), std::string::npos);
+  EXPECT_EQ(run("runs prune " + robot).output, "0 runs deleted, 0.0 GiB\n");
+  fs::remove(old + "/kept");
+  EXPECT_EQ(run("runs prune " + robot).output, "deleted " + old + "\n1 runs deleted, 0.0 GiB\n");
+  EXPECT_FALSE(fs::exists(old));
+  EXPECT_TRUE(fs::exists(runs + "/no run"));
+  EXPECT_EQ(run("runs keep " + old).exit_code, 1);
 }
 
 // Whether it fits into a buffer or not.

@@ -142,7 +142,9 @@ TEST_F(RunShelfTest, PruningDeletesFolders) {
   ASSERT_TRUE(write_metrics(old) && write_metrics(kept) && keep_run(kept.folder.path()));
   config::RobotConfig keeps = keeping(1, {});
   keeps.record.directory = path("");
-  EXPECT_EQ(names(prune(keeps, kNow + 9'000 * kDay_ns)), Names{"old"});
+  auto runs = runs_in(path(""), kNow);
+  EXPECT_EQ(names(prune(runs, keeps, kNow + 9'000 * kDay_ns)), Names{"old"});
+  EXPECT_EQ(names(runs), Names{"kept"});
   EXPECT_FALSE(std::filesystem::exists(path("old")));
   EXPECT_TRUE(std::filesystem::exists(path("kept") + "/ticks.mcap"));
 }
