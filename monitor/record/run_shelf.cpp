@@ -46,11 +46,15 @@ bool is_written_to(const RunFolder& folder) {
   return !error && fs::file_time_type::clock::now() - at < kStillWritten;
 }
 
-// What metrics.json counts; -1: there is none that says so.
+// Incidents that nobody asked for, and marks, by metrics.json; -1: there is none that says so.
 std::int64_t counted(const nlohmann::ordered_json& metrics) {
   try {
-    return metrics.at("incident_count").get<std::int64_t>() +
-           static_cast<std::int64_t>(metrics.at("marks").get_ref<const nlohmann::ordered_json::array_t&>().size());
+    const auto& listed = metrics.at("incidents").get_ref<const nlohmann::ordered_json::array_t&>();
+    std::int64_t count = metrics.at("mark_count").get<std::int64_t>() +
+                         metrics.at("incident_count").get<std::int64_t>() - static_cast<std::int64_t>(listed.size());
+    for (const auto& incident : listed)
+      if (!incident.at("asked").get<bool>()) ++count;
+    return count;
   } catch (const nlohmann::json::exception&) {
     return -1;
   }

@@ -21,7 +21,7 @@ struct ShelvedRun {
   std::string ended;        // how it ended, or that it goes on
   bool goes_on = false;     // not closed, and written to within the last ten minutes
   bool is_kept = false;     // `takt runs keep`
-  bool is_telling = false;  // holds an incident or a mark, or nobody knows
+  bool is_telling = false;  // holds an incident that nobody asked for or a mark, or nobody knows
 };
 
 // Oldest first; what is no run folder is left out. `now`: Unix time.

@@ -121,7 +121,7 @@ TEST_F(Cli, RunsAreListedKeptAndPruned) {
   const std::string runs = in("runs"), old = runs + "/old";
   fs::create_directories(runs + "/no run");
   fs::copy("tests/releases/0.2.0/run", old, fs::copy_options::recursive);
-  std::ofstream(old + "/metrics.json") << R"({"incident_count": 0, "marks": []})";
+  std::ofstream(old + "/metrics.json") << R"({"incident_count": 0, "incidents": [], "mark_count": 0})";
   const Ended listed = run("runs list " + runs);
   EXPECT_EQ(listed.exit_code, 0);
   EXPECT_EQ(listed.output.find("old  20"), 0U) << listed.output;

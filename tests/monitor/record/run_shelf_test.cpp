@@ -121,10 +121,20 @@ TEST_F(RunShelfTest, TellsWhatLiesThere) {
   EXPECT_TRUE(runs[0].is_telling) << "without metrics.json nobody knows";
   ASSERT_TRUE(write_metrics(run));
   EXPECT_FALSE(runs_in(path(""), kNow)[0].is_telling);
-  auto metrics = nlohmann::ordered_json::parse(read_file(run.folder.metrics()).value());
-  metrics["marks"].push_back({{"tick", 7}});
-  ASSERT_TRUE(replace_file(run.folder.metrics(), metrics.dump()));
-  EXPECT_TRUE(runs_in(path(""), kNow)[0].is_telling);
+  const auto metrics = nlohmann::ordered_json::parse(read_file(run.folder.metrics()).value());
+  const auto is_telling_with = [&](const auto& change) {
+    auto json = metrics;
+    change(json);
+    EXPECT_TRUE(replace_file(run.folder.metrics(), json.dump()));
+    return runs_in(path(""), kNow)[0].is_telling;
+  };
+  const auto incident = [](bool asked) {
+    return [asked](auto& json) { json["incident_count"] = 1, json["incidents"].push_back({{"asked", asked}}); };
+  };
+  EXPECT_TRUE(is_telling_with([](auto& json) { json["mark_count"] = 1; }));
+  EXPECT_TRUE(is_telling_with(incident(false)));
+  EXPECT_FALSE(is_telling_with(incident(true))) << "an operator's stop tells nothing";
+  EXPECT_TRUE(is_telling_with([](auto& json) { json["incident_count"] = 1; })) << "more than are listed";
   EXPECT_FALSE(runs_in(path(""), kNow)[0].is_kept);
   ASSERT_TRUE(keep_run(run.folder.path()));
   EXPECT_TRUE(runs_in(path(""), kNow)[0].is_kept);
