@@ -54,8 +54,8 @@ class LiveMetrics {
   [[nodiscard]] bool is_in(Mode mode) const { return running && newest.tick != 0 && newest.mode == mode; }
 
   std::string run_id;
-  bool running = false;    // an executive runs
-  bool recording = false;  // and its run folder is written
+  bool running = false;                                          // an executive runs
+  bool recording = false;                                        // and its run folder is written
   double hours_left = std::numeric_limits<double>::quiet_NaN();  // of room for runs; not a number: not known
   std::uint64_t ticks = 0;
   std::uint64_t relied_ticks = 0, deadline_misses = 0;  // of the freshness contract, per tick (run_metrics.hpp)

@@ -117,7 +117,7 @@ struct Snapshot {
   std::vector<drivers::CanLink> can;  // the robot file's interfaces, in its order
   std::string runs_folder;            // record.directory, or its nearest parent that exists
   std::uint64_t runs_free_bytes = 0;
-  double runs_hours_left = 0;  // at the pace of the newest runs; infinite: record.keep makes room
+  double runs_hours_left = 0;           // at the pace of the newest runs; infinite: record.keep makes room
   std::optional<WakeupLatency> wakeup;  // absent: not measured
 };
 
