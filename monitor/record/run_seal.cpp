@@ -155,8 +155,9 @@ std::string altered_part_before(const RunFolder& folder) {
   if (!manifest || manifest->goes_on_from_seal.empty()) return {};
   const std::string& name = manifest->goes_on_from;
   if (name.empty() || name == ".." || name.find_first_of(std::string_view("/\0", 2)) != std::string::npos) return {};
-  const auto beside = std::filesystem::absolute(folder.path()).lexically_normal().parent_path() / name / "seal.json";
-  const auto seal = config::file_sha256(beside.string());
+  std::error_code error;
+  const auto here = std::filesystem::canonical(folder.path(), error);  // `RUN/` is RUN
+  const auto seal = config::file_sha256((here.parent_path() / name / "seal.json").string());
   return seal && *seal != manifest->goes_on_from_seal
              ? fmt::format("{}, the part before it, has another seal than it had", name)
              : std::string();
