@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <time.h>
 
 #include <CLI/CLI.hpp>
@@ -262,6 +263,7 @@ int main(int argc, char** argv) {
   }
   if (!options.review.empty()) {
     prctl(PR_SET_PDEATHSIG, SIGKILL);  // a monitor that crashed must not wait for its review to be started again
+    setpriority(PRIO_PROCESS, 0, 19);  // a part is reviewed while the robot moves
     return write_review(options.review);
   }
   stop_on_signals();
