@@ -5,6 +5,7 @@
 #include "monitor/record/run_parts.hpp"
 
 #include <gtest/gtest.h>
+#include <sys/mount.h>
 
 #include <filesystem>
 #include <set>
@@ -130,7 +131,9 @@ TEST_F(RunPartsTest, AHundredSeamsWhileTrackingCostNothing) {
   ASSERT_TRUE(replace_file(part(49).folder.seal(), read_file(part(48).folder.seal()).value()));
   EXPECT_EQ(check_run_seal(middle.folder)->altered,
             std::vector<std::string>{"run.50, the part before it, has another seal than it had"});
+  EXPECT_EQ(check_run_seal(RunFolder(middle.folder.path() + "/"))->altered.size(), 1U) << "as a shell completes it";
   ASSERT_TRUE(replace_file(part(49).folder.seal(), seal));
+  EXPECT_EQ(check_run_seal(middle.folder)->altered, std::vector<std::string>{});
   EXPECT_NE(report_text(*metrics_of(middle), middle).find("part          goes on from run.50, goes on in run.52\n"),
             std::string::npos)
       << report_text(*metrics_of(middle), middle);
@@ -148,6 +151,82 @@ TEST_F(RunPartsTest, WithoutANextFolderItGoesOnWhereItIs) {
   const RecordedRun run = part(0);
   EXPECT_TRUE(run.manifest.complete);
   EXPECT_EQ(ends_of(run).ticks, 2'000U);
+}
+
+// Goal: a monitor that is killed at a seam, by SIGKILL or by the power, leaves runs that read and replay. Method: a
+// copy of the folders as they are when the next part has begun and the one before is not closed, and after each drain
+// then.
+TEST_F(RunPartsTest, WhatAKillLeavesAtASeamReads) {
+  start(150'000);
+  std::vector<std::string> copies;
+  each_drain = [&] {
+    const std::string& newest = parts_->folder().path();
+    if (!newest.ends_with(".3") || copies.size() == 4) return;
+    copies.push_back(path("killed" + std::to_string(copies.size())));
+    std::filesystem::create_directory(copies.back());
+    for (const char* const name : {"run", "run.2", "run.3"})
+      std::filesystem::copy(path(name), copies.back() + "/" + name, std::filesystem::copy_options::recursive);
+    parts_->flush_if_due(robot_.latest().header.now);
+  };
+  while (copies.size() < 4 && robot_.latest().header.tick < 20'000) record(20);
+  finish();
+  ASSERT_EQ(copies.size(), 4U);
+  for (const std::string& copy : copies) {
+    std::uint64_t newest = 0;
+    for (const char* const name : {"/run", "/run.2", "/run.3"}) {
+      const auto run = open_run(copy + name);
+      ASSERT_TRUE(run) << run.error();
+      const Ends ends = ends_of(*run);
+      EXPECT_TRUE(ends.ticks == 0 || ends.first == newest + 1) << copy << name;
+      newest = std::max(newest, ends.last);
+      if (const auto seal = check_run_seal(run->folder)) {
+        EXPECT_EQ(seal->altered, std::vector<std::string>{}) << copy << name;
+      }
+      if (ends.ticks == 0) continue;
+      const auto replayed = replay(*run, 1);
+      ASSERT_TRUE(replayed) << replayed.error();
+      EXPECT_EQ(replayed->identical, ends.ticks) << replay_text(*replayed);
+      EXPECT_TRUE(metrics_of(*run)) << copy << name;
+    }
+    EXPECT_EQ(open_run(copy + "/run.3")->manifest.goes_on_from, "run.2");
+  }
+}
+
+// Goal: a disk that fills up behind a seam ends the record with the last tick on it, and what was closed before is
+// whole. Method: a disk of 5 MiB, with seams until it is full.
+TEST_F(RunPartsTest, AFullDiskEndsTheNewestPart) {
+  const std::string disk = path("disk");
+  std::filesystem::create_directory(disk);
+  if (::mount("tmpfs", disk.c_str(), "tmpfs", 0, "size=5m") != 0) GTEST_SKIP() << "SKIPPED: may not mount a tmpfs";
+  {
+    start(400'000, "disk/run");
+    while (parts_->stop_reason().empty() && robot_.latest().header.tick < 60'000) record(20);
+    EXPECT_NE(parts_->stop_reason().find("No space left"), std::string::npos) << parts_->stop_reason();
+    EXPECT_EQ(parts_->written_through(), 0U);
+    record(400);  // stays, and counts
+    stream_->drain(parts_->sink(), true);
+    (void)parts_->finish(robot_.latest().header.now, "test over");
+    for (std::string& closed : parts_->take_closed()) folders_.push_back(std::move(closed));
+    folders_.push_back(parts_->folder().path());
+    ASSERT_GE(folders_.size(), 3U);
+    for (std::size_t i = 0; i < folders_.size(); ++i) {
+      const RecordedRun run = part(i);
+      std::uint64_t ticks = 0;
+      ASSERT_TRUE(
+          scan_run(run, {.tick = [&](const RecordedTick&) { ++ticks; }, .command = {}, .keyframe = {}, .loss = {}}));
+      EXPECT_EQ(replay(run, 1)->identical, ticks);
+      EXPECT_EQ(run.manifest.ticks, ticks);
+      if (i + 1 < folders_.size()) {
+        EXPECT_EQ(run.manifest.goes_on_in, RunFolder(folders_[i + 1]).name());
+      } else {
+        EXPECT_FALSE(run.manifest.complete);
+        EXPECT_EQ(run.manifest.stopped_because, parts_->stop_reason());
+        EXPECT_GE(run.manifest.unrecorded_ticks, 400U);
+      }
+    }
+    parts_.reset();
+  }
+  EXPECT_EQ(::umount(disk.c_str()), 0);
 }
 
 // Goal: a robot that stands by fills little, loses nothing that tells, and its record is exact where it is kept.
