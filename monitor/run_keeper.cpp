@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <exception>
 #include <mutex>
 #include <stop_token>
 #include <vector>
@@ -28,15 +29,23 @@ RunKeeper::RunKeeper(const config::RobotConfig& robot)
         std::mutex mutex;
         std::condition_variable_any ended;
         std::unique_lock lock(mutex);
-        do look(robot);
-        while (!ended.wait_for(lock, stop, kPeriod, [&] { return stop.stop_requested(); }));
+        do {
+          try {
+            look(robot);
+          } catch (const std::exception& error) {  // no folder's content ends a recording
+            spdlog::warn("the folder of the runs was not looked after: {}", error.what());
+          }
+        } while (!ended.wait_for(lock, stop, kPeriod, [&] { return stop.stop_requested(); }));
       }) {}
 
 void RunKeeper::look(const config::RobotConfig& robot) {
   std::vector<ShelvedRun> runs = runs_in(robot.record.directory, unix_ns());
-  for (const ShelvedRun& run : prune(runs, robot, unix_ns()))
+  const Pruned pruned = prune(runs, robot, unix_ns());
+  for (const ShelvedRun& run : pruned.gone)
     spdlog::info("deleted {}, as record.keep says ({:.1f} GiB)", run.folder,
                  static_cast<double>(run.bytes) / (1U << 30U));
+  for (const std::string& failure : pruned.failures)
+    if (failed_.insert(failure).second) spdlog::error("record.keep: {}", failure);
   hours_left_ = monitor::hours_left(runs, robot, free_bytes_at(robot.record.directory));
 }
 

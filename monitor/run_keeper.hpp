@@ -6,6 +6,8 @@
 
 #include <atomic>
 #include <limits>
+#include <set>
+#include <string>
 #include <thread>
 
 #include "config/robot_config.hpp"
@@ -22,7 +24,8 @@ class RunKeeper {
  private:
   void look(const config::RobotConfig& robot);
   std::atomic<double> hours_left_ = std::numeric_limits<double>::quiet_NaN();
-  std::jthread thread_;  // last: ends first
+  std::set<std::string> failed_;  // the thread's: each is told once
+  std::jthread thread_;           // last: ends first
 };
 
 }  // namespace takt::monitor

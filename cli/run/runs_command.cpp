@@ -64,13 +64,15 @@ int prune(const std::string& robot_file) {
                                           robot_file));
   std::uint64_t bytes = 0;
   auto runs = monitor::runs_in(robot->record.directory, unix_ns());
-  const auto gone = monitor::prune(runs, *robot, unix_ns());
-  for (const monitor::ShelvedRun& run : gone) {
+  const auto pruned = monitor::prune(runs, *robot, unix_ns());
+  for (const monitor::ShelvedRun& run : pruned.gone) {
     bytes += run.bytes;
     fmt::print("deleted {}\n", config::printable(run.folder));
   }
-  fmt::print("{} runs deleted, {:.1f} GiB\n", gone.size(), gib(bytes));
-  return kExitOk;
+  fmt::print("{} runs deleted, {:.1f} GiB\n", pruned.gone.size(), gib(bytes));
+  int exit_code = kExitOk;
+  for (const std::string& failure : pruned.failures) exit_code = fail("takt runs prune", failure);
+  return exit_code;
 }
 
 }  // namespace
@@ -79,8 +81,8 @@ void add_runs(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("runs", "List run folders, keep some for ever, delete old ones.");
   command->require_subcommand(1);
   command->footer(
-      "A robot's monitor deletes by itself what `record.keep` of its file does not keep (docs/run-folder.md).\n"
-      "Exit codes: 0 done, 1 not a run folder, or it cannot be written, 64 usage, 65 configuration.");
+      "A robot's monitor deletes what `record.keep` of its file does not keep (docs/run-folder.md).\n"
+      "Exit codes: 0 done, 1 not a run folder, or it cannot be written or deleted, 64 usage, 65 configuration.");
 
   auto place = std::make_shared<std::string>();
   CLI::App* lists = command->add_subcommand("list", "Show name, beginning, length, size and end of each run.");
@@ -100,8 +102,8 @@ void add_runs(CLI::App& app, int& exit_code) {
   CLI::App* prunes = command->add_subcommand("prune", "Delete now what `record.keep` of a robot file does not keep.");
   prunes->add_option("ROBOT", *robot_file, "robot file")->required();
   prunes->footer(
-      "Example: takt runs prune config/arm6.yaml\nExit codes: 0 done, 64 usage, or the file keeps every run, 65 "
-      "configuration.");
+      "Example: takt runs prune config/arm6.yaml\nExit codes: 0 done, 1 a run cannot be deleted, 64 usage, or the "
+      "file keeps every run, 65 configuration.");
   prunes->callback([robot_file, &exit_code] { exit_code = prune(*robot_file); });
 }
 

@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <stdlib.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -33,6 +34,7 @@ int write_all(int fd, std::span<const std::byte> data) {
 std::expected<BoundedFile, std::string> BoundedFile::create(const std::string& path, std::uint64_t max_bytes) {
   const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
   if (fd < 0) return std::unexpected(fmt::format("cannot create {}: {}", path, std::strerror(errno)));
+  (void)::flock(fd, LOCK_EX | LOCK_NB);  // a file system without locks has none
   return BoundedFile(path, fd, max_bytes);
 }
 
@@ -129,6 +131,14 @@ std::expected<void, std::string> write_to_stream(const std::string& path, std::s
 }
 
 }  // namespace
+
+bool is_being_written(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+  if (fd < 0) return false;
+  const bool is_locked = ::flock(fd, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  ::close(fd);
+  return is_locked;
+}
 
 std::expected<void, std::string> replace_file(const std::string& path, std::string_view text) {
   if (is_stream(path)) return write_to_stream(path, text);

@@ -22,7 +22,8 @@ namespace takt::monitor {
 
 class BoundedFile {
  public:
-  // The file must not exist yet. `max_bytes`: append refuses to grow the file beyond it.
+  // The file must not exist yet. `max_bytes`: append refuses to grow the file beyond it. Locked (flock) until this or
+  // its process ends.
   static std::expected<BoundedFile, std::string> create(const std::string& path, std::uint64_t max_bytes);
   BoundedFile(BoundedFile&& other) noexcept;
   BoundedFile& operator=(BoundedFile&&) = delete;
@@ -55,6 +56,9 @@ class BoundedFile {
   SegmentSeal seal_;
   std::string failure_;
 };
+
+// Whether a BoundedFile of any process has it open, a stopped process too. A link is not followed.
+bool is_being_written(const std::string& path);
 
 // Replaces `path` by `text` so that a reader sees the old or the new content, never a part; synced. A link at `path`
 // is replaced, not followed. A device, a pipe or a socket is written to and stays what it is.
