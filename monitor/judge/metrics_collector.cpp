@@ -34,7 +34,9 @@ void MetricsCollector::tick(const TickRecord& record) {
     metrics_.first_tick = header.tick;
     first_ = header;
   } else if (header.tick > last_.tick + 1) {
-    metrics_.missing_ticks += header.tick - last_.tick - 1;
+    const std::uint64_t gap = header.tick - last_.tick - 1;
+    metrics_.missing_ticks += gap;
+    if (last_.mode == Mode::standby && header.previous_mode == Mode::standby) standby_gaps_ += gap;
   }
   ++metrics_.ticks;
   lateness_.push_back(header.lateness.ns);
@@ -64,7 +66,7 @@ void MetricsCollector::loss(const Loss& loss) {
 }
 
 void MetricsCollector::finish(double epsilon, double confidence) {
-  metrics_.missing_ticks -= std::min(metrics_.missing_ticks, metrics_.stood_by_ticks);
+  metrics_.missing_ticks -= std::min(standby_gaps_, metrics_.stood_by_ticks);
   if (metrics_.ticks == 0) return;
   metrics_.last_tick = last_.tick;
   metrics_.start = first_.now;

@@ -45,6 +45,7 @@ class MetricsCollector {
   std::vector<std::int64_t> candidate_age_, candidate_distance_;
   std::vector<std::int64_t> commands_;  // in the order they were judged: age at first use, kMissed if one missed
   std::uint64_t tick_misses_ = 0;
+  std::uint64_t standby_gaps_ = 0;  // ticks missing between two of standby: only these can have been left out as quiet
   std::pair<std::uint8_t, std::uint64_t> in_use_{};  // session and sequence
   std::size_t in_use_at_ = 0;                        // of commands_
 };

@@ -55,6 +55,25 @@ TEST_F(RunMetricsTest, CountsAreTheTicksOwn) {
 
 // Goal: the evidence says for how long nothing would have taken over. Method: records of a robot whose fallback
 // policy attached, fell silent while tracking, and one of standby, where nobody needs it.
+// Goal: no word in a record makes ticks of a moving robot count as left out of quiet standby. Method: nine ticks
+// missing between two of a mode, with a loss that says so.
+TEST(MetricsCollector, OnlyStandbyIsLeftOutAsQuiet) {
+  for (const Mode mode : {Mode::standby, Mode::tracking}) {
+    RunMetrics metrics;
+    MetricsCollector collector(metrics);
+    auto record = std::make_unique<TickRecord>();
+    record->header.mode = record->header.previous_mode = mode;
+    for (const std::uint64_t tick : {1U, 2U, 12U}) {
+      record->header.tick = tick;
+      collector.tick(*record);
+    }
+    collector.loss({"tick", std::string(kStoodBy), 9, 2, 12});
+    collector.finish(0.01, 0.95);
+    EXPECT_EQ(metrics.missing_ticks, mode == Mode::standby ? 0U : 9U);
+    EXPECT_EQ(metrics.stood_by_ticks, 9U);
+  }
+}
+
 TEST(MetricsCollector, CountsTicksThatReliedOnAPolicyWithoutAFreshFallback) {
   RunMetrics metrics;
   MetricsCollector collector(metrics);
