@@ -185,7 +185,7 @@ struct FeedbackGain {
 };
 
 // Half of what the tick ring holds (ipc/executive_segments.hpp): until then a recorder that hesitates loses no tick and
-// no command. CAN frames it may lose before: 65,536 of them wait, which is 2.7 s at 24 per tick; can.log says how many.
+// no command. CAN frames it may lose before: 65,536 of them wait, which is 2.7 s at 24 per tick; the run says how many.
 inline constexpr std::uint32_t kLongestUnrecorded = 4096;
 
 // Protections that a measurement of what each costs switches off (evidence/rollout/method.hpp). No robot file says any
