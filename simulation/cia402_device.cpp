@@ -339,7 +339,9 @@ void Cia402Device::refresh_objects() {
   objects_.set(0x6041, profile_.follows ? word : word & ~kFollows);
   const Telling said = tell(reading_, torque_);
   objects_.set(0x6064, whole(said.position * counts_per_rad));
-  objects_.set(0x606C, whole(said.velocity * counts_per_rad));
+  const double speed_counts =
+      profile_.speed_counts > 0 ? profile_.speed_counts / (2 * std::numbers::pi) : counts_per_rad;
+  objects_.set(0x606C, whole(said.velocity * speed_counts));
   objects_.set(0x6077, whole(said.torque / drive_.rated_torque * 1000) & 0xFFFFU);
 }
 

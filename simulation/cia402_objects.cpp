@@ -48,10 +48,13 @@ void take_identity(const config::Drive& drive, Cia402Profile& profile) {
 }  // namespace
 
 Cia402Profile profile_of(const config::Drive& drive) {
-  constexpr std::uint32_t kCountsPerSecond = 0x00B5'0300, kRpm = 0x00B4'4700, kTenth = 0xFF00'0000,
-                          kHundredth = 0xFE00'0000, kThousandth = 0xFD00'0000;
+  constexpr std::uint32_t kCounts = 0x00B5'0000, kCountsPerSecond = 0x00B5'0300, kRpm = 0x00B4'4700,
+                          kTenth = 0xFF00'0000, kHundredth = 0xFE00'0000, kThousandth = 0xFD00'0000;
   Cia402Profile profile;
   take_identity(drive, profile);
+  profile.encoder = profile.feed = {drive.counts_per_turn, 1};
+  profile.gear = {1, 1};
+  profile.position_unit = kCounts;
   const auto counts = [&profile](double speed_counts, std::uint32_t unit) {
     profile.speed_counts = speed_counts;
     profile.velocity_unit = unit;
@@ -124,6 +127,16 @@ Cia402Objects::Cia402Objects(const config::Drive& drive, std::uint16_t deadline_
   add(0x60C2, 0, 1, Use::constant, 2);
   add(0x60C2, 1, 1, Use::setting, 1);
   add(0x60C2, 2, 1, Use::setting, 0xFD);
+  const auto add_ratio = [&add](std::uint16_t index, const std::optional<Cia402Profile::Ratio>& ratio) {
+    if (!ratio) return;
+    add(index, 0, 1, Use::constant, 2);
+    add(index, 1, 4, Use::constant, ratio->front());
+    add(index, 2, 4, Use::constant, ratio->back());
+  };
+  add_ratio(0x608F, profile.encoder);
+  add_ratio(0x6091, profile.gear);
+  add_ratio(0x6092, profile.feed);
+  if (profile.position_unit) add(0x60A8, 0, 4, Use::constant, *profile.position_unit);
   if (profile.velocity_unit) add(0x60A9, 0, 4, Use::constant, *profile.velocity_unit);
   add(0x60FF, 0, 4, Use::to_drive);
   add(0x6502, 0, 4, Use::constant, profile.modes);

@@ -24,8 +24,13 @@ struct Cia402Profile {
   enum class Map : std::uint8_t { free, fixed, fixed_words_only };
   Map map = Map::free;
   std::uint32_t modes = 0x380;                   // object 6502: csp, csv, cst
-  double speed_counts = 0;                       // of 60FF at one turn per second; 0: position's counts
+  double speed_counts = 0;                       // of 60FF and 606C at one turn per second; 0: position's counts
   std::optional<std::uint32_t> velocity_unit{};  // object 60A9; nothing: it is not there
+  // Objects 608F (increments and turns), 6091 (motor and shaft), 6092 (units and turns of the shaft) and 60A8; nothing:
+  // it is not there.
+  using Ratio = std::array<std::uint32_t, 2>;
+  std::optional<Ratio> encoder{}, gear{}, feed{};
+  std::optional<std::uint32_t> position_unit{};
   // Object 1018: vendor, product, revision, serial number; how many of them there are.
   std::array<std::uint32_t, 4> identity{0x0000'0054, 0x0402'0001, 0x0001'0002, 7};
   std::uint8_t identity_entries = 4;

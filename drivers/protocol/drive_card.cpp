@@ -45,6 +45,8 @@ std::string_view name(CardItem item) {
       return "watchdog";
     case CardItem::home:
       return "home";
+    case CardItem::scale:
+      return "scale";
   }
   return "invalid";
 }

@@ -32,7 +32,8 @@ enum class CardItem : std::uint8_t {
   velocity_unit,
   following_window,
   watchdog,
-  home
+  home,
+  scale  // by a person's eye: no drive tells it
 };
 std::string_view name(CardItem item);
 

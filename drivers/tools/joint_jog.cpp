@@ -2,7 +2,9 @@
 #include "drivers/tools/joint_jog.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
 #include <utility>
 
 #include "config/drive_loop.hpp"
@@ -29,6 +31,12 @@ double velocity_step(const config::Drive& drive) {
   return 0;
 }
 
+std::string number(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.3f", value);
+  return text.data();
+}
+
 bool drives(JointJog::Phase phase) {
   return phase == JointJog::Phase::moving || phase == JointJog::Phase::settling;
 }
@@ -36,7 +44,9 @@ bool drives(JointJog::Phase phase) {
 }  // namespace
 
 JointJog::JointJog(const config::Joint& joint, const JogWish& wish, JointDriver& driver, GravityTerm gravity)
-    : joint_(joint), wish_(wish), driver_(driver), gravity_(std::move(gravity)), fit_(velocity_step(joint.drive)) {}
+    : joint_(joint), wish_(wish), driver_(driver), gravity_(std::move(gravity)), fit_(velocity_step(joint.drive)) {
+  if (joint.drive.protocol == config::DriveProtocol::cia402) scale_.emplace(joint.drive);
+}
 
 void JointJog::enter(Phase phase, MonoTime now) {
   phase_ = phase;
@@ -52,11 +62,38 @@ void JointJog::stop() {
   stopping_ = true;
 }
 
+void JointJog::take(const CanFrame& frame) {
+  if (scale_) scale_->take(frame);
+}
+
+// Of the motor, by the drive's own word: its driver makes a velocity of the very positions.
+void JointJog::take_velocity() {
+  const JointFeedback& feedback = driver_.feedback();
+  if (!scale_) return fit_.take(feedback.received_at, feedback.q, feedback.dq);
+  if (const auto motor = scale_->take_velocity())
+    fit_.take(feedback.received_at, feedback.q, *motor * joint_.drive.direction / joint_.drive.gear_ratio);
+}
+
 VelocityScale JointJog::velocity_scale() const {
-  if (joint_.drive.protocol != config::DriveProtocol::cia402) return fit_.judge();
-  return {.sentence =
-              "its scale is not judged: the drive tells no velocity of its own; counts_per_turn and gear_ratio "
-              "are believed"};
+  VelocityScale found = fit_.judge();
+  if (!scale_ || found.verdict == VelocityScale::Verdict::not_judged) return found;
+  if (found.verdict == VelocityScale::Verdict::wrong)
+    found.sentence = "the drive's position (6064) changes by " + number(found.scale) +
+                     " of what its velocity (606C) says: counts_per_turn is not the drive's, or the unit of 606C is "
+                     "another than 60A9 says";
+  if (scale_->knows_velocity_unit()) return found;
+  return {.sentence = "its velocity (606C) is not judged: the drive does not tell its unit (60A9)"};
+}
+
+std::optional<OwnScale> JointJog::own_scale() const {
+  return scale_ ? std::optional(scale_->judge()) : std::nullopt;
+}
+
+std::string JointJog::believed() const {
+  const auto own = own_scale();
+  const bool counts = own && own->verdict == OwnScale::Verdict::not_judged;
+  const bool gear = joint_.drive.gear_ratio != 1 && !(own && own->with_gear);
+  return std::string(gear ? "gear_ratio" : "") + (gear && counts ? " and " : "") + (counts ? "counts_per_turn" : "");
 }
 
 double JointJog::moved() const {
@@ -72,12 +109,15 @@ std::size_t JointJog::tick(MonoTime now, std::span<CanFrame> out) {
   if (!entered_.is_set()) entered_ = ticked_ = now;
   const JointFeedback& feedback = driver_.feedback();
   if (feedback.received_at.is_set()) last_seen_ = feedback.q;
-  if (phase_ == Phase::enabling || drives(phase_)) fit_.take(feedback.received_at, feedback.q, feedback.dq);
+  if (phase_ == Phase::enabling || drives(phase_)) take_velocity();
   advance(now);
   ticked_ = now;
   if (phase_ == Phase::ended) return 0;
   const bool enable = phase_ == Phase::enabling || drives(phase_);
-  return driver_.encode(enable, setpoint(), now, now + kLedSilence, out);
+  std::size_t frames = driver_.encode(enable, setpoint(), now, now + kLedSilence, out);
+  const bool asks = scale_ && (phase_ == Phase::asking || enable) && frames < out.size();
+  if (const auto question = asks ? scale_->ask(enable, now) : std::nullopt) out[frames++] = *question;
+  return frames;
 }
 
 void JointJog::advance(MonoTime now) {
@@ -88,6 +128,9 @@ void JointJog::advance(MonoTime now) {
   switch (phase_) {
     case Phase::finding:
       find(now);
+      break;
+    case Phase::asking:
+      if (!scale_ || scale_->asked()) enter(Phase::enabling, now);
       break;
     case Phase::enabling:
       reference_ = feedback.q;
@@ -132,7 +175,7 @@ void JointJog::aim(MonoTime now) {
   start_ = driver_.feedback().q;
   target_ = start_ + wish_.by;
   const double low = std::min(joint_.limits.q_min, start_), high = std::max(joint_.limits.q_max, start_);
-  if (target_ >= low && target_ <= high) return enter(Phase::enabling, now);
+  if (target_ >= low && target_ <= high) return enter(Phase::asking, now);
   fail("from " + degrees(start_) + " it would go to " + degrees(target_) + ", outside limits.position " +
            degrees(joint_.limits.q_min) + " to " + degrees(joint_.limits.q_max) + ": ask for less",
        now);

@@ -11,7 +11,8 @@
 //
 // phase      entered                              drive meanwhile
 // finding    start                                disabled, polled, until gravity is known too
-// enabling   drive answers and is ready           being enabled, zero torque
+// asking     drive answers and is ready           disabled; a CiA 402 drive is asked for its own scale
+// enabling   it was asked                         being enabled, zero torque
 // moving     drive enabled                        follows the reference
 // settling   reference at the target              held there for kSettle
 // releasing  settled, failed, or stop() called    disabled, for kRelease
@@ -28,6 +29,7 @@
 
 #include "config/robot_config.hpp"
 #include "drivers/protocol/joint_driver.hpp"
+#include "drivers/tools/cia402_scale.hpp"
 #include "drivers/tools/degrees.hpp"
 #include "drivers/tools/velocity_fit.hpp"
 
@@ -44,7 +46,7 @@ using GravityTerm = std::function<std::optional<double>()>;
 
 class JointJog {
  public:
-  enum class Phase : std::uint8_t { finding, enabling, moving, settling, releasing, ended };
+  enum class Phase : std::uint8_t { finding, asking, enabling, moving, settling, releasing, ended };
   static constexpr Duration kFindWithin = seconds(3), kEnableWithin = seconds(3), kSettle = milliseconds(500),
                             kRelease = milliseconds(100);
   static constexpr double kOffRamp = 2 * kDegree;  // rad
@@ -54,6 +56,8 @@ class JointJog {
 
   // Frames for this tick; call once per control period until ended().
   std::size_t tick(MonoTime now, std::span<CanFrame> out);
+  // What arrives on the joint's bus, besides the driver.
+  void take(const CanFrame& frame);
   void stop();
 
   [[nodiscard]] Phase phase() const { return phase_; }
@@ -63,9 +67,14 @@ class JointJog {
   [[nodiscard]] double started_at() const { return start_; }  // rad
   [[nodiscard]] double target() const { return target_; }     // rad
   [[nodiscard]] double moved() const;                         // rad, so far
-  // What the readings so far say of the reported velocity. Not judged of a drive that tells none of its own: its driver
-  // makes one of the very positions.
+  // What the readings so far say of the reported velocity; of a CiA 402 drive of 606C, since its driver makes one of
+  // the very positions.
   [[nodiscard]] VelocityScale velocity_scale() const;
+  // What a CiA 402 drive tells of its own scale; nothing: no other protocol does.
+  [[nodiscard]] std::optional<OwnScale> own_scale() const;
+  // Keys of the robot file that only an eye on the joint can judge: nothing that its drive tells gives them away.
+  // "gear_ratio and counts_per_turn"; empty: none.
+  [[nodiscard]] std::string believed() const;
 
  private:
   void enter(Phase phase, MonoTime now);
@@ -74,6 +83,7 @@ class JointJog {
   void find(MonoTime now);
   void aim(MonoTime now);
   void settle(MonoTime now);
+  void take_velocity();
   void watch_drive(MonoTime now);
   void watch_ramp(MonoTime now);
   [[nodiscard]] float carried() const;
@@ -91,6 +101,7 @@ class JointJog {
   double start_ = 0, target_ = 0, reference_ = 0, last_seen_ = 0;
   std::string failure_;
   VelocityFit fit_;
+  std::optional<Cia402Scale> scale_;  // of cia402
 };
 
 }  // namespace takt::drivers

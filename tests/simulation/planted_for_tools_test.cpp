@@ -5,8 +5,11 @@
 // number, drives that are not there. Scan and jog in virtual time, host driver against simulated drive.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdio>
+#include <functional>
 
+#include "drivers/protocol/seen_angle.hpp"
 #include "drivers/tools/discovery.hpp"
 #include "drivers/tools/joint_jog.hpp"
 #include "tests/simulation/drive_loop.hpp"
@@ -71,16 +74,37 @@ class Bench {
 
   // Why it was cut short; empty: it moved as asked.
   std::string jog() {
+    drivers::JointJog jog = jogged();
+    return jog.failure();
+  }
+  // What a jog says of the joint's scale: its drive, its velocity, the eye of a person beside it. Empty: nothing wrong.
+  std::string wrong_scale(bool with_an_eye) {
+    const double before = q_;
+    const drivers::JointJog jog = jogged();
+    std::string said = jog.failure();
+    if (const auto own = jog.own_scale(); own && own->verdict == drivers::OwnScale::Verdict::wrong)
+      said += own->sentence;
+    if (jog.velocity_scale().verdict == drivers::VelocityScale::Verdict::wrong) said += jog.velocity_scale().sentence;
+    if (with_an_eye)
+      said += drivers::contradicted_by_eye(robot_.joints[0].drive, {.moved = jog.moved(), .seen = q_ - before});
+    if (said.empty() && !with_an_eye && !jog.believed().empty()) said = "not judged: " + jog.believed();
+    return said;
+  }
+
+ private:
+  drivers::JointJog jogged() {
     drivers::JointJog jog(robot_.joints[0], {.by = 0.1, .speed = 0.2, .torque = 1}, *driver_);
     std::array<CanFrame, drivers::kMaxFramesPerDrive> out;
     while (!jog.ended()) {
       const std::size_t sent = jog.tick(now_, out);
-      hear(std::span(out).first(sent), [this](const CanFrame& frame) { driver_->decode({frame, now_}); });
+      hear(std::span(out).first(sent), [this, &jog](const CanFrame& frame) {
+        jog.take(frame);
+        driver_->decode({frame, now_});
+      });
     }
-    return jog.failure();
+    return jog;
   }
 
- private:
   void hear(std::span<const CanFrame> sent, const std::function<void(const CanFrame&)>& take) {
     now_ = now_ + kTick;
     double torque = 0;
@@ -193,6 +217,76 @@ TEST(PlantedForTools, AJogOfADriveThatDiffersIsNoSuccess) {
     const std::string failure = Bench(row.file, {row.plant}).jog();
     EXPECT_NE(failure.find(row.sentence), std::string::npos) << row.when << ": " << failure;
     EXPECT_EQ(failure.empty(), *row.sentence == '\0') << row.when << ": " << failure;
+  }
+}
+
+// What scales every number of a drive alike: twice and half the counts of CiA 402 drives, in each mode and with each
+// way of telling it, and a gear that no drive has.
+struct WrongScale {
+  const char* when;
+  Drive file;
+  Bench::Plant plant;
+  bool with_an_eye;
+  const char* sentence;
+};
+
+std::vector<WrongScale> wrong_scales() {
+  using namespace misconfigured;
+  std::vector<WrongScale> rows;
+  const auto servo_that = [](double counts, const std::function<void(Cia402Profile&)>& tells) -> Bench::Plant {
+    return [=](const Drive& file) {
+      const Drive real = with(file, [=](Drive& drive) {
+        drive.counts_per_turn = static_cast<std::uint32_t>(std::lround(counts * file.counts_per_turn));
+      });
+      Cia402Profile profile = profile_of(real);
+      tells(profile);
+      return Planted{std::make_unique<Cia402Device>(real, Duration{}, profile), {}};
+    };
+  };
+  const auto encoder = [](Cia402Profile& profile) { profile.feed.reset(); };
+  const auto velocity = [](Cia402Profile& profile) {
+    profile.feed.reset();
+    profile.encoder.reset();
+    profile.speed_counts = 60'000;
+    profile.velocity_unit = 0xFDB4'4700;
+  };
+  const auto nothing = [](Cia402Profile& profile) {
+    profile.feed.reset();
+    profile.encoder.reset();
+    profile.velocity_unit.reset();
+  };
+  for (const double counts : {2.0, 0.5}) {
+    for (const auto mode : {config::Cia402Mode::cst, config::Cia402Mode::csp, config::Cia402Mode::csv})
+      rows.push_back({"counts, told by 6092", servo(mode), servo_that(counts, [](Cia402Profile&) {}), false,
+                      "counts per motor turn (6092, 6091)"});
+    rows.push_back({"counts, told by 608F", servo(), servo_that(counts, encoder), false, "(608F)"});
+    rows.push_back({"counts, told by 606C", servo(), servo_that(counts, velocity), false, "velocity (606C)"});
+    rows.push_back({"counts, not told", servo(), servo_that(counts, nothing), false, "not judged: counts_per_turn"});
+    rows.push_back(
+        {"counts, not told, seen", servo(), servo_that(counts, nothing), true, "counts_per_turn is another"});
+  }
+  const auto geared = [](Drive drive) { return with(std::move(drive), [](Drive& one) { one.gear_ratio = 3; }); };
+  for (const Drive& file : {damiao(), tmotor(), robstride(), odrive(), moteus(), servo()})
+    rows.push_back({"gear", geared(file), as_delivered(), true, "gear_ratio is 1 by that, the robot file says 3"});
+  return rows;
+}
+
+TEST(PlantedForTools, AScaleThatIsWrongIsFoundAndNeverCalledFine) {
+  int planted = 0, found = 0;
+  for (const WrongScale& row : wrong_scales()) {
+    const std::string said = Bench(row.file, {row.plant}).wrong_scale(row.with_an_eye);
+    ++planted;
+    found += said.find(row.sentence) != std::string::npos ? 1 : 0;
+    EXPECT_NE(said.find(row.sentence), std::string::npos)
+        << row.when << ", " << config::name(row.file.protocol) << ": " << said;
+  }
+  std::printf("%d scales planted, %d found\n", planted, found);
+  EXPECT_EQ(planted, 20);
+  // The same without a gear, and with the file's counts.
+  for (const Drive& file : {misconfigured::damiao(), misconfigured::robstride(), misconfigured::odrive(),
+                            misconfigured::moteus(), misconfigured::servo()}) {
+    EXPECT_EQ(Bench(file, {misconfigured::as_delivered()}).wrong_scale(true), "") << config::name(file.protocol);
+    EXPECT_EQ(Bench(file, {misconfigured::as_delivered()}).wrong_scale(false), "") << config::name(file.protocol);
   }
 }
 

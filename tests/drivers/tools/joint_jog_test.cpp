@@ -8,8 +8,10 @@
 
 #include <array>
 #include <cmath>
+#include <functional>
 
 #include "drivers/protocol/protocol_table.hpp"
+#include "simulation/cia402_device.hpp"
 #include "simulation/device_table.hpp"
 #include "tests/simulation/plant_robots.hpp"
 
@@ -31,6 +33,28 @@ class Jog : public testing::Test {
     failure_ = jog.failure();
     moved_ = jog.moved();
     velocity_ = jog.velocity_scale();
+    own_ = jog.own_scale();
+    believed_ = jog.believed();
+  }
+  // The joint's drive is a CiA 402 one: as the file has it, and as it is.
+  void replace_drive(
+      const std::function<void(config::Drive&)>& file, const std::function<void(config::Drive&)>& truth,
+      const std::function<void(plant::Cia402Profile&)>& profile = [](plant::Cia402Profile&) {}) {
+    config::Drive& drive = robot_.joints[3].drive;
+    drive.protocol = config::DriveProtocol::cia402;
+    drive.mode = config::Cia402Mode::cst;
+    drive.id = 5;
+    drive.counts_per_turn = 4096;
+    drive.rated_torque = drive.torque_range = 10;
+    config::Drive real = drive;
+    file(drive);
+    truth(real);
+    driver_ = make_joint_driver(robot_, 3).value();
+    plant::Cia402Profile told = plant::profile_of(real);
+    profile(told);
+    device_ = std::make_unique<plant::Cia402Device>(real, milliseconds(100), told);
+    plant::Frames said;
+    device_->update({q_, dq_}, now_, {}, said);
   }
   void step(JointJog& jog) {
     now_ = now_ + milliseconds(1);
@@ -45,7 +69,10 @@ class Jog : public testing::Test {
       dq_ = (dq_ + 0.001 * (torque + load_) / kInertia) * (device_->brake_engaged() ? 0 : 1);
       q_ += 0.001 * dq_;
     }
-    for (const CanFrame& answer : answers) driver_->decode({answer, now_});
+    for (const CanFrame& answer : answers) {
+      jog.take(answer);
+      driver_->decode({answer, now_});
+    }
     if (jog.phase() == JointJog::Phase::moving && fault_) {
       device_->inject(*fault_);
       fault_.reset();
@@ -64,6 +91,8 @@ class Jog : public testing::Test {
   std::optional<plant::DeviceFault> fault_;
   std::string failure_;
   VelocityScale velocity_;
+  std::optional<OwnScale> own_;
+  std::string believed_;
 };
 
 TEST_F(Jog, MovesAsFarAsAskedAndLetsGo) {
@@ -75,26 +104,71 @@ TEST_F(Jog, MovesAsFarAsAskedAndLetsGo) {
   EXPECT_EQ(velocity_.verdict, VelocityScale::Verdict::right) << velocity_.sentence;
 }
 
-// A CiA 402 drive with half the counts that the file says moves half as far, and its driver's velocity fits all the
-// same.
-TEST_F(Jog, AScaleThatOnlyTheFileSaysIsNotJudged) {
-  config::Drive& drive = robot_.joints[3].drive;
-  drive.protocol = config::DriveProtocol::cia402;
-  drive.mode = config::Cia402Mode::cst;
-  drive.id = 5;
-  drive.counts_per_turn = 4096;
-  drive.rated_torque = drive.torque_range = 10;
-  driver_ = make_joint_driver(robot_, 3).value();
-  config::Drive other = drive;
-  other.counts_per_turn = 8192;
-  device_ = plant::make_device(other, milliseconds(100));
-  plant::Frames said;
-  device_->update({q_, dq_}, now_, {}, said);
+const auto kNothing = [](config::Drive&) {};
+const auto kTwiceTheCounts = [](config::Drive& drive) { drive.counts_per_turn = 8192; };
+
+// A CiA 402 drive with twice the counts that the file says moves half as far; what its driver makes a velocity of are
+// those very positions.
+TEST_F(Jog, AScaleThatTheDriveItselfHasOtherwiseIsNamed) {
+  replace_drive(kNothing, kTwiceTheCounts);
   run({.by = 0.1, .speed = 0.2, .torque = 1}, seconds(30));
   EXPECT_EQ(failure_, "");
   EXPECT_NEAR(q_, 0.35, 0.01) << "truly half of it";
+  ASSERT_TRUE(own_.has_value());
+  EXPECT_EQ(own_->verdict, OwnScale::Verdict::wrong);
+  EXPECT_EQ(
+      own_->sentence,
+      "the drive has 8192 counts per motor turn (6092, 6091), the robot file says counts_per_turn 4096: the joint "
+      "moves 0.5 times as far");
+}
+
+TEST_F(Jog, AScaleThatTheDriveItselfHasIsJudged) {
+  replace_drive(kNothing, kNothing);
+  run({.by = 0.1, .speed = 0.2, .torque = 1}, seconds(30));
+  EXPECT_EQ(failure_, "");
+  ASSERT_TRUE(own_.has_value());
+  EXPECT_EQ(own_->verdict, OwnScale::Verdict::right) << own_->sentence;
+  EXPECT_EQ(believed_, "");
+  EXPECT_EQ(velocity_.verdict, VelocityScale::Verdict::right) << velocity_.sentence;
+}
+
+TEST_F(Jog, AScaleThatOnlyTheFileSaysIsNotJudged) {
+  replace_drive(kNothing, kTwiceTheCounts, [](plant::Cia402Profile& profile) {
+    profile.encoder.reset();
+    profile.feed.reset();
+    profile.velocity_unit.reset();
+  });
+  run({.by = 0.1, .speed = 0.2, .torque = 1}, seconds(30));
+  EXPECT_EQ(failure_, "");
+  ASSERT_TRUE(own_.has_value());
+  EXPECT_EQ(own_->verdict, OwnScale::Verdict::not_judged);
+  EXPECT_EQ(believed_, "counts_per_turn");
   EXPECT_EQ(velocity_.verdict, VelocityScale::Verdict::not_judged) << velocity_.scale;
-  EXPECT_EQ(velocity_.sentence.find("its scale is not judged"), 0U) << velocity_.sentence;
+}
+
+// Turns per minute are no counts: a drive that tells them measures the counts of one that tells no encoder.
+TEST_F(Jog, AVelocityInTurnsPerMinuteMeasuresTheCounts) {
+  replace_drive(kNothing, kTwiceTheCounts, [](plant::Cia402Profile& profile) {
+    profile.encoder.reset();
+    profile.feed.reset();
+    profile.speed_counts = 60'000;
+    profile.velocity_unit = 0xFDB4'4700;
+  });
+  run({.by = 0.15, .speed = 0.2, .torque = 1}, seconds(30));
+  EXPECT_EQ(failure_, "");
+  EXPECT_EQ(velocity_.verdict, VelocityScale::Verdict::wrong) << velocity_.scale << velocity_.sentence;
+  EXPECT_NEAR(velocity_.scale, 2, 0.1);
+  EXPECT_NE(velocity_.sentence.find("counts_per_turn"), std::string::npos) << velocity_.sentence;
+}
+
+// A gear that is not there: everything that the drive tells goes with it.
+TEST_F(Jog, AGearIsForAnEyeToJudge) {
+  run({.by = 0.1, .speed = 0.2, .torque = 1});
+  EXPECT_EQ(believed_, "");
+  robot_.joints[3].drive.gear_ratio = 3;
+  driver_ = make_joint_driver(robot_, 3).value();
+  run({.by = 0.1, .speed = 0.2, .torque = 1}, seconds(60));
+  EXPECT_EQ(believed_, "gear_ratio");
 }
 
 // The drive packs its velocity into four fifths of the range that the file says.

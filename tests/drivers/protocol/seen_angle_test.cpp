@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// Goal: a person's eye finds a scale that no drive tells, and its word holds for that scale alone. Method: words a
+// little off, and off by gears, signs and other joints; a note kept, another scale in the file, a note taken away.
+#include "drivers/protocol/seen_angle.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <numbers>
+
+namespace takt::drivers {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+
+config::Drive damiao() {
+  config::Drive drive;
+  drive.protocol = config::DriveProtocol::mit;
+  drive.variant = "damiao";
+  drive.gear_ratio = 3;
+  return drive;
+}
+
+std::string contradicted(double moved, double seen) {
+  return contradicted_by_eye(damiao(), {.moved = moved * kDegree, .seen = seen * kDegree});
+}
+
+TEST(SeenAngle, AnEyeIsRightWithinADegreeOrATenth) {
+  for (const double seen : {4.1, 5.0, 5.9}) EXPECT_EQ(contradicted(5, seen), "") << seen;
+  for (const double seen : {3.9, 6.1, -5.0, 0.0}) EXPECT_NE(contradicted(5, seen), "") << seen;
+  EXPECT_EQ(contradicted(-40, -43.5), "");
+  EXPECT_NE(contradicted(-40, -45), "");
+}
+
+TEST(SeenAngle, ItNamesWhatIsWrong) {
+  EXPECT_EQ(contradicted(5, 15),
+            "you saw +15.0 deg, its drive told +5.0 deg: gear_ratio is 1 by that, the robot file says 3, or "
+            "position_range is another than the drive's");
+  EXPECT_NE(contradicted(5, -5).find("direction is the opposite"), std::string::npos);
+  EXPECT_NE(contradicted(5, 0).find("another joint turned, or none"), std::string::npos);
+  EXPECT_NE(contradicted(5, std::nan("")), "");
+}
+
+TEST(SeenAngle, ItHoldsForTheScaleThatItWasSaidOf) {
+  std::string pattern = testing::TempDir() + "takt-seen-XXXXXX";
+  const std::string directory = mkdtemp(pattern.data());
+  config::RobotConfig robot;
+  robot.joints.resize(2);
+  for (config::Joint& joint : robot.joints) joint.drive = damiao();
+  EXPECT_FALSE(seen_angle(directory, robot, 1).has_value());
+  ASSERT_TRUE(keep_seen_angle(directory, robot, 1, SeenAngle{5 * kDegree, 5.5 * kDegree, "2026-05-03"}).has_value());
+  const auto kept = seen_angle(directory, robot, 1);
+  ASSERT_TRUE(kept.has_value());
+  EXPECT_EQ(text_of(*kept), "+5.5 deg seen where the drive told +5.0 deg, 2026-05-03");
+  EXPECT_FALSE(seen_angle(directory, robot, 0).has_value());
+  robot.joints[1].limits.torque = 7;
+  EXPECT_TRUE(seen_angle(directory, robot, 1).has_value()) << "no scale";
+  robot.joints[1].drive.gear_ratio = 6;
+  EXPECT_FALSE(seen_angle(directory, robot, 1).has_value());
+  robot.joints[1].drive.gear_ratio = 3;
+  std::ofstream(directory + "/seen-1", std::ios::app).close();
+  EXPECT_TRUE(seen_angle(directory, robot, 1).has_value());
+  EXPECT_TRUE(keep_seen_angle(directory, robot, 1, std::nullopt).has_value());
+  EXPECT_FALSE(seen_angle(directory, robot, 1).has_value());
+  EXPECT_FALSE(keep_seen_angle("/proc/nowhere", robot, 1, SeenAngle{1, 1, "today"}).has_value());
+  std::filesystem::remove_all(directory);
+}
+
+}  // namespace
+}  // namespace takt::drivers
