@@ -24,8 +24,9 @@ RANGES = ["position_range", "velocity_range", "torque_range", "kp_range", "kd_ra
 UNITS = dict(zip(RANGES, ["rad", "rad/s", "Nm", "Nm/rad", "Nm s/rad"]))
 KINDS = ["manual", "code", "bench", "seller"]
 AGREE_WITHIN = 0.005
-ORDER = ["AK80-9", "AK10-9", "AK60-6", "AK70-10", "AK80-6", "AK80-64", "DM3507", "DM4310", "DM4310_48V", "DM4340",
-         "DM4340_48V", "DM6006", "DM8006", "DM8009", "DM10010L", "DM10010", "DMH3510", "DMH6215", "DMG6220", "CyberGear", "RS00", "RS01", "RS02", "RS03", "RS04", "RS05", "RS06"]
+ORDER = ["AK80-9", "AK10-9", "AK60-6", "AK70-10", "AK80-6", "AK80-64", "DM3507", "DM4310", "DM4310_48V", "DM4310P", "DM4340",
+         "DM4340_48V", "DM6006", "DM6248P", "DM8006", "DM8009", "DM10010L", "DM10010", "DM10422P", "DMH3510", "DMH6215",
+         "DMG6220", "DMJH11", "CyberGear", "RS00", "RS01", "RS02", "RS03", "RS04", "RS05", "RS06"]
 TABLE_HEAD = "| model | velocity, rad/s | torque, Nm | source |\n|---|---|---|---|\n"
 
 

@@ -40,9 +40,9 @@ PAPERS = {
     "DM8009": (45, 54, 500, 5),
 }
 # Sources disagree, or there is one alone: nothing may be chosen.
-def alone(velocity, torque, kp, kd):
+def alone(velocity, torque, kp, kd, position="12.5664"):
     return (["position_range", "velocity_range", "torque_range", "kp_range", "kd_range"],
-            f"12.5664 rad, one source; {velocity} rad/s, one source; {torque} Nm, one source; {kp} Nm/rad, one source; "
+            f"{position} rad, one source; {velocity} rad/s, one source; {torque} Nm, one source; {kp} Nm/rad, one source; "
             f"{kd} Nm s/rad, one source")
 
 
@@ -50,6 +50,8 @@ CONFLICTS = {"AK60-6": (["velocity_range"], "45 or 50 rad/s"), "AK80-9": (["velo
              "AK80-6": (["velocity_range"], "22.5 or 38.2 or 76 rad/s"), "RS05": (["torque_range"], "5.5 or 6 Nm"),
              "AK70-10": (["torque_range"], "24 or 25 Nm"), "DM4340": (["velocity_range"], "8 or 10 rad/s"),
              "DM3507": (["velocity_range", "torque_range"], "30 or 50 rad/s; 5 or 10 Nm"),
+             "DM6248P": (["position_range"], "12.5 or 12.566 rad"), "DM4310P": alone(50, 10, 500, 5, "12.5"),
+             "DMJH11": alone(10, 12, 500, 5, "12.5"), "DM10422P": alone(20, 500, 500, 5, "12.566"),
              "RS01": alone(44, 17, 500, 5), "RS02": alone(44, 17, 500, 5), "RS04": alone(15, 120, 5000, 100)}
 
 SHEET = """model: {model}

@@ -151,20 +151,24 @@ inline constexpr Refusal kRefusals[] = {
             "54:31: policy.observation[1].sensor: sensor `imu` is not known; write one of: target"},
     Refusal{"an unknown fallback", "fallback: tuck }", "fallback: stand }",
             "11:44: degraded.fallback: fallback `stand` is not known; write one of: tuck, none"},
-    Refusal{"an unknown drive model", "AK10-9", "AK10-99",
-            "19:53: joints[0].drive.model: drive model `AK10-99` is not known: known are AK80-9, "
-            "AK10-9, AK60-6, AK70-10, AK80-6, AK80-64, DM3507, DM4310, DM4310_48V, DM4340, DM4340_48V, DM6006, DM8006, "
-            "DM8009, DM10010L, DM10010, DMH3510, DMH6215, DMG6220, DM-J4310-2EC, DM-J4340P-2EC, DM-J8009P-2EC, none; "
-            "for another model write none and the five ranges of its manual (position_range, velocity_range, "
-            "torque_range, kp_range, "
-            "kd_range)"},
-    Refusal{"another motor than its nearest name", "AK10-9", "AK80-8",
-            "19:53: joints[0].drive.model: drive model `AK80-8` is not known: known are AK80-9, "
-            "AK10-9, AK60-6, AK70-10, AK80-6, AK80-64, DM3507, DM4310, DM4310_48V, DM4340, DM4340_48V, DM6006, DM8006, "
-            "DM8009, DM10010L, DM10010, DMH3510, DMH6215, DMG6220, DM-J4310-2EC, DM-J4340P-2EC, DM-J8009P-2EC, none; "
-            "for another model write none and the five ranges of its manual (position_range, velocity_range, "
-            "torque_range, kp_range, "
-            "kd_range)"},
+    Refusal{
+        "an unknown drive model", "AK10-9", "AK10-99",
+        "19:53: joints[0].drive.model: drive model `AK10-99` is not known: known are AK80-9, "
+        "AK10-9, AK60-6, AK70-10, AK80-6, AK80-64, DM3507, DM4310, DM4310_48V, DM4310P, DM4340, DM4340_48V, DM6006, "
+        "DM6248P, DM8006, DM8009, DM10010L, DM10010, DM10422P, DMH3510, DMH6215, DMG6220, DMJH11, DM-J4310-2EC, "
+        "DM-J4340P-2EC, DM-J8009P-2EC, none; "
+        "for another model write none and the five ranges of its manual (position_range, velocity_range, "
+        "torque_range, kp_range, "
+        "kd_range)"},
+    Refusal{
+        "another motor than its nearest name", "AK10-9", "AK80-8",
+        "19:53: joints[0].drive.model: drive model `AK80-8` is not known: known are AK80-9, "
+        "AK10-9, AK60-6, AK70-10, AK80-6, AK80-64, DM3507, DM4310, DM4310_48V, DM4310P, DM4340, DM4340_48V, DM6006, "
+        "DM6248P, DM8006, DM8009, DM10010L, DM10010, DM10422P, DMH3510, DMH6215, DMG6220, DMJH11, DM-J4310-2EC, "
+        "DM-J4340P-2EC, DM-J8009P-2EC, none; "
+        "for another model write none and the five ranges of its manual (position_range, velocity_range, "
+        "torque_range, kp_range, "
+        "kd_range)"},
     Refusal{"a drive that may forget where it is", "reply_id: 0, position_after_power_up: absolute }", "reply_id: 0 }",
             "19:12: key `position_after_power_up` is missing in `joints[0].drive`; add it: all but moteus, what a "
             "reading is worth after power-on: absolute, the joint's angle; within_a_turn, right but for whole turns; "
