@@ -92,8 +92,8 @@ struct Played {
     if (line.ends_with(" up")) link.up = !falls_down;
     return {0, ""};
   }
-  std::expected<std::vector<std::string>, Refusal> bring_up() {
-    config::RobotConfig robot = one_bus(false);
+  std::expected<std::vector<std::string>, Refusal> bring_up(bool fd = false) {
+    config::RobotConfig robot = one_bus(fd);
     robot.file = "robot.yaml";
     return cli::bring_up(robot, 0, {[this](const Words& command) { return run(command); }, [this] { return link; }});
   }
@@ -130,6 +130,24 @@ TEST(BusUpSteps, AnAdapterThatCannotRestartIsUpAndToldOf) {
   EXPECT_NE(told->front().find("takt bus up --robot robot.yaml --interface can0"), std::string::npos) << told->front();
   EXPECT_TRUE(played.link.up);
   EXPECT_EQ(played.link.bitrate, 1'000'000U);
+}
+
+// Every answer, at the step that it refuses: that step is the last, its sentence alone is told, and nothing is up.
+TEST(BusUpSteps, EveryAnswerOfTheKernelEndsTheStepThatItRefuses) {
+  std::size_t wrong_advice = 0;
+  for (const Said& said : kSaid) {
+    const bool fd = said.command == kFdTiming, at_the_end = said.command == kUp;
+    Played played{.link = controller(), .refused = line_of(said.command), .answer = said.answer};
+    const auto told = played.bring_up(fd);
+    ASSERT_FALSE(told.has_value()) << said.answer;
+    EXPECT_EQ(told.error().exit_code, kExitFailed);
+    EXPECT_EQ(told.error().sentence, why_refused(said.command, said.answer));
+    wrong_advice += told.error().sentence.find(said.advice) == std::string::npos ? 1 : 0;
+    EXPECT_FALSE(played.link.up) << said.answer;
+    EXPECT_EQ(played.commands, at_the_end ? 4 : 2) << said.answer;
+  }
+  EXPECT_GE(std::size(kSaid), 12U);
+  EXPECT_EQ(wrong_advice, 0U);
 }
 
 TEST(BusUpSteps, WhatWasTakenAndNotDoneIsNoSuccess) {
