@@ -1,14 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // takt joint jog: one joint, a little, softly.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <array>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <ctime>
+#include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
+#include <sstream>
+#include <string>
 #include <vector>
 
 #include "cli/command.hpp"
@@ -17,6 +23,7 @@
 #include "config/load.hpp"
 #include "drivers/protocol/home_note.hpp"
 #include "drivers/protocol/protocol_table.hpp"
+#include "drivers/protocol/seen_angle.hpp"
 #include "drivers/tools/degrees.hpp"
 #include "drivers/tools/joint_jog.hpp"
 #include "executive/contract/monotonic_clock.hpp"
@@ -29,6 +36,8 @@ namespace {
 struct JointOptions {
   std::string joint, robot_file, runtime_dir;
   double by_degrees = 5, torque = 0, speed_degrees = 10;
+  double saw = 0;
+  std::optional<double> saw_degrees{};
   bool json = false, without_gravity = false;
 };
 
@@ -69,12 +78,15 @@ class Drives {
 
   [[nodiscard]] drivers::JointDriver& driver(std::size_t joint) { return *drives_[joint].driver; }
 
-  void listen() {
+  // `jog`: told of every frame on the jogged joint's bus.
+  void listen(drivers::JointJog& jog, std::size_t jogged) {
     for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
       const std::size_t count = buses_[bus] == nullptr ? 0 : buses_[bus]->receive(received_);
-      for (std::size_t i = 0; i < count; ++i)
+      for (std::size_t i = 0; i < count; ++i) {
+        if (drives_[jogged].bus == bus) jog.take(received_[i].frame);
         for (const Drive& drive : drives_)
           if (drive.driver && drive.bus == bus && drive.driver->decode(received_[i])) break;
+      }
     }
   }
   void speak(drivers::JointJog& jog, std::size_t jogged, MonoTime now) {
@@ -127,44 +139,116 @@ void run(drivers::JointJog& jog, std::size_t jogged, Drives& drives, Duration pe
   for (Pace pace(monotonic_now(), period); !jog.ended(); pace.advance(monotonic_now())) {
     sleep_until(pace.due());
     if (g_jog_interrupted != 0) jog.stop();
-    drives.listen();
+    drives.listen(jog, jogged);
     drives.speak(jog, jogged, monotonic_now());
   }
 }
 
-int report(const drivers::JointJog& jog, const JointOptions& options) {
-  using Verdict = drivers::VelocityScale::Verdict;
-  const drivers::VelocityScale velocity = jog.velocity_scale();
-  // A move that was cut short says nothing about scales.
-  const bool cut_short = !jog.failure().empty();
-  const bool wrong_scale = !cut_short && velocity.verdict == Verdict::wrong;
-  const std::string failure = cut_short ? jog.failure() : wrong_scale ? velocity.sentence : std::string();
-  const int exit_code = wrong_scale ? kExitWrongScale : cut_short ? kExitFailed : kExitOk;
-  if (options.json) {
-    const std::string scale = velocity.scale == 0 ? "null" : fmt::format("{:.4f}", velocity.scale);
-    fmt::print(
-        "{{\"joint\":\"{}\",\"from_rad\":{:.6f},\"moved_rad\":{:.6f},\"asked_rad\":{:.6f},\"velocity_scale\":{},"
-        "\"failure\":\"{}\"}}\n",
-        options.joint, jog.started_at(), jog.moved(), jog.target() - jog.started_at(), scale, failure);
-    return exit_code;
+// What is known of the joint's scale after it moved.
+struct Judgement {
+  int exit_code = kExitOk;
+  std::string failure;             // why it is none of 0 and 4
+  std::vector<std::string> notes;  // in sentences
+};
+
+std::string today() {
+  const std::time_t now = std::time(nullptr);
+  std::tm day{};
+  std::array<char, 16> text{};
+  ::localtime_r(&now, &day);
+  (void)std::strftime(text.data(), text.size(), "%Y-%m-%d", &day);
+  return text.data();
+}
+
+// Asked for at a terminal only: elsewhere --saw says it.
+std::optional<double> seen_by_person(const drivers::JointJog& jog, const JointOptions& options) {
+  if (options.saw_degrees) return *options.saw_degrees * drivers::kDegree;
+  if (options.json || ::isatty(STDIN_FILENO) == 0) return std::nullopt;
+  fmt::print("joint {}: which angle did you see, in degrees? Its drive told {:+.1f}; Enter alone: not judged\n",
+             options.joint, jog.moved() / drivers::kDegree);
+  std::fflush(stdout);
+  std::string line;
+  double seen = 0;
+  if (!std::getline(std::cin, line) || !(std::istringstream(line) >> seen) || !std::isfinite(seen)) return std::nullopt;
+  return seen * drivers::kDegree;
+}
+
+// An eye on the joint outweighs what a drive writes of itself.
+void judge_by_eye(const DirectRobot& robot, std::size_t joint, const drivers::JointJog& jog, double seen,
+                  Judgement& judged) {
+  const drivers::SeenAngle angle{jog.moved(), seen, today()};
+  judged.failure = drivers::contradicted_by_eye(robot.config.joints[joint].drive, angle);
+  judged.exit_code = judged.failure.empty() ? kExitOk : kExitWrongScale;
+  const auto kept = drivers::keep_seen_angle(robot.runtime_directory, robot.config, joint,
+                                             judged.failure.empty() ? std::optional(angle) : std::nullopt);
+  judged.notes.push_back(!kept                    ? kept.error()
+                         : judged.failure.empty() ? "its scale is the robot file's: " + drivers::text_of(angle)
+                                                  : "nothing is kept of its scale");
+}
+
+void judge_by_drive(const DirectRobot& robot, std::size_t joint, const drivers::JointJog& jog, Judgement& judged) {
+  const auto own = jog.own_scale();
+  if (own && own->verdict == drivers::OwnScale::Verdict::wrong) {
+    judged.exit_code = kExitWrongScale;
+    judged.failure = own->sentence;
+    return;
   }
-  if (!cut_short)
+  const std::string believed = jog.believed();
+  if (believed.empty()) return;
+  if (const auto before = drivers::seen_angle(robot.runtime_directory, robot.config, joint)) {
+    judged.notes.push_back("its scale is the robot file's: " + drivers::text_of(*before));
+    return;
+  }
+  judged.exit_code = kExitNotSeen;
+  judged.notes.push_back(
+      fmt::format("{} {} not judged: no drive tells it. Which angle did you see? Jog again with --saw ANGLE", believed,
+                  believed.find(" and ") == std::string::npos ? "is" : "are"));
+}
+
+Judgement judge(const DirectRobot& robot, std::size_t joint, const drivers::JointJog& jog,
+                const JointOptions& options) {
+  Judgement judged;
+  // A move that was cut short says nothing about scales.
+  if (!jog.failure().empty()) return {kExitFailed, jog.failure(), {}};
+  const drivers::VelocityScale velocity = jog.velocity_scale();
+  if (velocity.verdict == drivers::VelocityScale::Verdict::wrong) {
+    const auto own = jog.own_scale();
+    const bool knows = own && own->verdict == drivers::OwnScale::Verdict::wrong;
+    return {kExitWrongScale, knows ? own->sentence + "; " + velocity.sentence : velocity.sentence, {}};
+  }
+  judged.notes.push_back(velocity.verdict == drivers::VelocityScale::Verdict::right
+                             ? fmt::format("its velocity belongs to its position: {:.3f}, known within {:.0f} %",
+                                           velocity.scale, 100 * velocity.uncertainty)
+                             : velocity.sentence);
+  if (const auto own = jog.own_scale()) judged.notes.push_back(own->sentence);
+  if (const auto seen = seen_by_person(jog, options))
+    judge_by_eye(robot, joint, jog, *seen, judged);
+  else
+    judge_by_drive(robot, joint, jog, judged);
+  return judged;
+}
+
+int report(const drivers::JointJog& jog, const Judgement& judged, const JointOptions& options) {
+  if (options.json) {
+    const double scale = jog.velocity_scale().scale;
+    const nlohmann::ordered_json line{
+        {"joint", options.joint},
+        {"from_rad", jog.started_at()},
+        {"moved_rad", jog.moved()},
+        {"asked_rad", jog.target() - jog.started_at()},
+        {"velocity_scale", scale == 0 ? nlohmann::ordered_json() : nlohmann::ordered_json(scale)},
+        {"failure", judged.failure},
+        {"notes", judged.notes}};
+    fmt::print("{}\n", line.dump());
+    return judged.exit_code;
+  }
+  if (jog.failure().empty())
     fmt::print("joint {}: asked for {:+.2f} deg, moved {:+.2f} deg, from {:.2f} to {:.2f} deg; drive disabled again\n",
                options.joint, (jog.target() - jog.started_at()) / drivers::kDegree, jog.moved() / drivers::kDegree,
                jog.started_at() / drivers::kDegree, (jog.started_at() + jog.moved()) / drivers::kDegree);
-  if (velocity.verdict == Verdict::right)
-    fmt::print("joint {}: its velocity belongs to its position: {:.3f}, known within {:.0f} %\n", options.joint,
-               velocity.scale, 100 * velocity.uncertainty);
-  else if (velocity.verdict == Verdict::not_judged && !cut_short)
-    fmt::print("joint {}: {}\n", options.joint, velocity.sentence);
-  // Gear and counts scale positions and velocities alike: nothing that the drive tells gives them away.
-  if (failure.empty())
-    fmt::print(
-        "joint {}: which angle did you see? If not {:+.1f} deg, gear_ratio or counts_per_turn is wrong by that "
-        "factor\n",
-        options.joint, jog.moved() / drivers::kDegree);
-  if (!failure.empty()) fmt::print(stderr, "joint {}: {}\n", options.joint, failure);
-  return exit_code;
+  for (const std::string& note : judged.notes) fmt::print("joint {}: {}\n", options.joint, note);
+  if (!judged.failure.empty()) fmt::print(stderr, "joint {}: {}\n", options.joint, judged.failure);
+  return judged.exit_code;
 }
 
 std::expected<int, Refusal> jog(const JointOptions& options) {
@@ -195,7 +279,7 @@ std::expected<int, Refusal> jog(const JointOptions& options) {
   if (!permission) return std::unexpected(permission.error());
   run(moving, *index, *drives, robot->config.control.period);
   if (const auto& note = notes[*index]) keep_home(*robot, *index, *note, drives->driver(*index).feedback());
-  return report(moving, options);
+  return report(moving, judge(*robot, *index, moving, options), options);
 }
 
 }  // namespace
@@ -216,6 +300,8 @@ void add_joint(CLI::App& app, int& exit_code) {
   add_quantity(*command, "--torque", options->torque, "Nm",
                "never exceeded, gravity aside (default a tenth of limits.torque)")
       ->check(CLI::PositiveNumber);
+  CLI::Option* const saw = add_quantity(*command, "--saw", options->saw, "deg",
+                                        "the angle by which you see it turn, signed: judges the gear");
   command->add_flag("--without-gravity", options->without_gravity,
                     "carry nothing and leave the other drives in peace: for a drive on the bench");
   command->add_flag("--json", options->json, "one line of JSON");
@@ -224,10 +310,12 @@ void add_joint(CLI::App& app, int& exit_code) {
       "With a model in the robot file gravity is carried while it moves; support it all the same: at the end the drive "
       "is\n"
       "disabled. Ctrl-C disables it too, and so does straying 2 degrees from the way.\n"
-      "Exit codes: 0 moved as asked, 1 refused, not moved as asked, or the drive failed, 3 moved as asked, and its "
-      "velocity\n"
-      "does not belong to its position, 64 command line, 65 configuration, 69 the bus is not there.");
-  command->callback([options, &exit_code] {
+      "What you saw is kept on the drive's card: the only proof of gear_ratio. At a terminal it is asked for.\n"
+      "Exit codes: 0 moved as asked, 1 refused, not moved as asked, or the drive failed, 3 moved as asked, and a scale "
+      "is\nwrong, 4 moved as asked, and nobody saw what the drive cannot tell, 64 command line, 65 configuration, 69 "
+      "the bus\nis not there.");
+  command->callback([options, &exit_code, saw] {
+    if (saw->count() > 0) options->saw_degrees = options->saw;
     const auto done = jog(*options);
     if (!done) fmt::print(stderr, "takt joint jog: {}\n", done.error().sentence);
     exit_code = done ? *done : done.error().exit_code;

@@ -13,6 +13,7 @@
 #include <system_error>
 
 #include "drivers/bus/can_frame.hpp"
+#include "drivers/protocol/seen_angle.hpp"
 
 namespace takt::runtime {
 namespace {
@@ -31,9 +32,14 @@ Json json_of(const drivers::CardEntry& entry) {
           {"verdict", drivers::name(entry.verdict)}};
 }
 
-Json json_of(const config::Joint& joint, const std::string& interface, const drivers::DriveCard& card) {
+// `seen`: what a person said of its scale; the drive does not tell it.
+Json json_of(const config::Joint& joint, const std::string& interface, const drivers::DriveCard& card,
+             const std::string& seen) {
   Json facts = Json::array();
   for (const drivers::CardEntry& entry : card.entries()) facts.push_back(json_of(entry));
+  if (!seen.empty())
+    facts.push_back(json_of(
+        drivers::CardEntry{drivers::CardItem::scale, "takt joint jog", seen, {}, drivers::CardVerdict::agrees}));
   return {{"joint", joint.name},
           {"bus", interface},
           {"protocol", config::name(joint.drive.protocol)},
@@ -48,6 +54,8 @@ DriveCards::DriveCards(const config::RobotConfig& robot, ipc::SlotReader frames,
     : robot_(robot), frames_(frames), path_(runtime_directory + "/drives.json"), joints_of_bus_(robot.buses.size()) {
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
     cards_.emplace_back(robot, joint);
+    const auto angle = drivers::seen_angle(runtime_directory, robot, joint);
+    seen_.push_back(angle ? drivers::text_of(*angle) : std::string());
     joints_of_bus_.at(robot.joints[joint].bus).push_back(joint);
   }
   write();
@@ -92,7 +100,7 @@ void DriveCards::write() const {
   Json drives = Json::array();
   for (std::size_t joint = 0; joint < cards_.size(); ++joint) {
     const config::Joint& known = robot_.joints[joint];
-    drives.push_back(json_of(known, robot_.buses[known.bus].interface, cards_[joint]));
+    drives.push_back(json_of(known, robot_.buses[known.bus].interface, cards_[joint], seen_[joint]));
   }
   const Json file{{"schema", "takt.drives/1"},
                   {"robot", robot_.robot},

@@ -41,6 +41,7 @@ class DriveCards {
   ipc::SlotReader frames_;
   std::string path_;
   std::vector<drivers::DriveCard> cards_;                // one per joint
+  std::vector<std::string> seen_;                        // by a person, one per joint; empty: nothing
   std::vector<std::vector<std::size_t>> joints_of_bus_;  // indices into cards_
   std::set<std::string> told_;                           // sentences
 };
