@@ -142,7 +142,7 @@ TEST(BusUpSteps, EveryAnswerOfTheKernelEndsTheStepThatItRefuses) {
     ASSERT_FALSE(told.has_value()) << said.answer;
     EXPECT_EQ(told.error().exit_code, kExitFailed);
     EXPECT_EQ(told.error().sentence, why_refused(said.command, said.answer));
-    wrong_advice += told.error().sentence.find(said.advice) == std::string::npos ? 1 : 0;
+    wrong_advice += told.error().sentence.find(said.advice) == std::string::npos ? 1U : 0U;
     EXPECT_FALSE(played.link.up) << said.answer;
     EXPECT_EQ(played.commands, at_the_end ? 4 : 2) << said.answer;
   }
