@@ -29,6 +29,13 @@ std::string number(double value) {
   return text.data();
 }
 
+// To two digits: an eye tells no more.
+std::string about(double value) {
+  if (!(value > 0) || !std::isfinite(value)) return number(value);
+  const double digit = std::pow(10, std::floor(std::log10(value)) - 1);
+  return number(std::round(value / digit) * digit);
+}
+
 // Joints by number: their names may hold anything.
 std::string file_of(const std::string& directory, std::size_t joint) {
   return directory + "/seen-" + std::to_string(joint);
@@ -66,7 +73,7 @@ std::string contradicted_by_eye(const config::Drive& drive, const SeenAngle& ang
       "you saw " + signed_degrees(angle.seen) + ", its drive told " + signed_degrees(angle.moved) + ": ";
   if (!(std::abs(angle.seen) > kSeenWithin)) return told + "another joint turned, or none";
   if (std::abs(angle.seen + angle.moved) <= within) return told + "direction is the opposite";
-  return told + "gear_ratio is " + number(drive.gear_ratio * std::abs(angle.moved / angle.seen)) +
+  return told + "gear_ratio is " + about(drive.gear_ratio * std::abs(angle.moved / angle.seen)) +
          " by that, the robot file says " + number(drive.gear_ratio) + other_scale(drive.protocol);
 }
 

@@ -153,6 +153,17 @@ TEST_F(RunPartsTest, WithoutANextFolderItGoesOnWhereItIs) {
   EXPECT_EQ(ends_of(run).ticks, 2'000U);
 }
 
+// The review of a closed part writes and renames files meanwhile: then once more.
+void copy_folder(const std::string& from, const std::string& to) {
+  std::error_code error;
+  for (int tries = 0; tries < 100; ++tries) {
+    std::filesystem::remove_all(to);
+    std::filesystem::copy(from, to, std::filesystem::copy_options::recursive, error);
+    if (!error) return;
+  }
+  ADD_FAILURE() << from << ": " << error.message();
+}
+
 // Goal: a monitor that is killed at a seam, by SIGKILL or by the power, leaves runs that read and replay. Method: a
 // copy of the folders as they are when the next part has begun and the one before is not closed, and after each drain
 // then.
@@ -164,8 +175,7 @@ TEST_F(RunPartsTest, WhatAKillLeavesAtASeamReads) {
     if (!newest.ends_with(".3") || copies.size() == 4) return;
     copies.push_back(path("killed" + std::to_string(copies.size())));
     std::filesystem::create_directory(copies.back());
-    for (const char* const name : {"run", "run.2", "run.3"})
-      std::filesystem::copy(path(name), copies.back() + "/" + name, std::filesystem::copy_options::recursive);
+    for (const char* const name : {"run", "run.2", "run.3"}) copy_folder(path(name), copies.back() + "/" + name);
     parts_->flush_if_due(robot_.latest().header.now);
   };
   while (copies.size() < 4 && robot_.latest().header.tick < 20'000) record(20);
