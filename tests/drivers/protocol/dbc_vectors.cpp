@@ -113,10 +113,7 @@ void print_robstride(const takt::config::DrivePreset& preset) {
 }
 
 void print_presets() {
-  using takt::config::kUnsettled;
-  const auto settled = [](const takt::config::DrivePreset& preset) {
-    return preset.velocity != kUnsettled && preset.torque != kUnsettled;
-  };
+  const auto settled = [](const takt::config::DrivePreset& preset) { return preset.unsettled.empty(); };
   for (const takt::config::DrivePreset& preset : takt::config::kMitPresets)
     if (settled(preset))
       print_mit(preset,
