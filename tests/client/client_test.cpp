@@ -436,6 +436,7 @@ TEST_F(ClientTest, AnObservationWithoutAUsableSampleIsNotPassedOn) {
 }
 
 TEST_F(ClientTest, StampsTelescope) {
+  robot_file_with("values: 3, timeout: 200 ms", "values: 3, timeout: 20 s");  // whatever stalls in between
   open_and_attach();
   CommandChunk command;
   next(1);
