@@ -106,7 +106,8 @@ void PlacedDriver::judge() noexcept {
   feedback_ = driver_->feedback();
   feedback_.q = bounded(feedback_.q + shift_);
   const bool is_heard = feedback_.received_at.is_set() && feedback_.drive_state != DriveState::unknown;
-  if (known_ || !is_heard || feedback_.error_code != 0) return;
+  const bool is_silent = silent_ticks_ == kTicksToDoubt;  // its silence is what there is to say of it
+  if (known_ || !is_heard || is_silent || feedback_.error_code != 0) return;
   feedback_.drive_state = DriveState::fault;
   feedback_.error_code = setup_fault_code(SetupFault::home_unknown);
 }

@@ -12,8 +12,8 @@
 //
 // In doubt the drive has a fault, SetupFault::home_unknown, and is not enabled. It is in doubt at first, and again
 // after kTicksToDoubt ticks without a reading, for what it knew may be gone with its supply, and after readings that no
-// joint can go between. Of a drive within a turn that is enabled such a jump is left for the tick to find. Thread rule:
-// as JointDriver.
+// joint can go between. The fault waits for the next reading, which may settle it. Of a drive within a turn that is
+// enabled such a jump is left for the tick to find. Thread rule: as JointDriver.
 #pragma once
 
 #include <memory>
