@@ -119,8 +119,8 @@ void describe_keep(Fields& fields, RunKeep& keep) {
   fields.whole_or_none({"days", "deletes older runs, but none with an incident or a mark", "none"}, keep.days, 1,
                        36'500);
   fields.whole_or_none(
-      {"gib", "deletes the oldest runs beyond this many GiB, but none with an incident or a mark", "none"}, keep.gib,
-      1, 1'000'000);
+      {"gib", "deletes the oldest runs beyond this many GiB, but none with an incident or a mark", "none"}, keep.gib, 1,
+      1'000'000);
 }
 
 void describe_dds(Fields& fields, Dds& dds) {
