@@ -73,6 +73,20 @@ constexpr bool is_for_policies(Role role) {
   return false;
 }
 
+// One of our user's that hides its namespace, or ends before it is looked at, has a reason to.
+bool is_confined(const Credentials& peer, uid_t allowed_uid) {
+  if (peer.pid <= 0) return false;
+  switch (user_namespace_of(peer.pid)) {
+    case UserNamespace::ours:
+      return false;
+    case UserNamespace::another:
+      return true;
+    case UserNamespace::unknown:
+      return peer.uid == allowed_uid;
+  }
+  return true;
+}
+
 bool send_welcome(int socket, const Admission& admission) {
   Welcome welcome;
   welcome.status = admission.refusal.empty() ? WelcomeStatus::accepted : WelcomeStatus::refused;
@@ -118,7 +132,10 @@ class RendezvousServer::State {
   };
 
   int wait_time(std::chrono::milliseconds timeout) const;
-  bool is_ours(const Peer& peer) const { return peer.uid == allowed_uid_ || peer.uid == 0; }
+  bool is_ours(const Peer& peer) const { return (peer.uid == allowed_uid_ || peer.uid == 0) && !peer.confined; }
+  bool may_be_policy(const Peer& peer) const {
+    return peer.uid == policy_uid_ || (peer.confined && (peer.uid == allowed_uid_ || peer.uid == 0));
+  }
   static bool must_speak(const Connection& connection);
   void accept_newcomer();
   void make_room(const Connection& newcomer);
@@ -216,6 +233,7 @@ void RendezvousServer::State::accept_newcomer() {
   connection.socket = std::move(socket);
   connection.peer.pid = credentials.pid;
   connection.peer.uid = credentials.uid;
+  connection.peer.confined = is_confined(credentials, allowed_uid_);
   connection.since = Clock::now();
   if (is_ours(connection.peer)) return make_room(connection);
   const auto held = std::ranges::count_if(
@@ -273,7 +291,7 @@ void RendezvousServer::State::hear(Connection& connection) {
 void RendezvousServer::State::greet(Connection& connection, Hello hello, ssize_t size) {
   const uid_t uid = connection.peer.uid;
   const bool ours = is_ours(connection.peer);
-  if (!ours && uid != policy_uid_) {
+  if (!ours && !may_be_policy(connection.peer)) {
     return refuse(
         connection, refusals_.unwelcome,
         "user " + std::to_string(uid) + " may not connect: run as user " + std::to_string(allowed_uid_) + " or root");
@@ -282,9 +300,12 @@ void RendezvousServer::State::greet(Connection& connection, Hello hello, ssize_t
     return refuse(connection, refusals_.malformed, fault);
   }
   if (!ours && !is_for_policies(hello.role)) {
+    const std::string who = connection.peer.confined ? "pid " + std::to_string(connection.peer.pid) +
+                                                           " runs in another user namespace, as a policy does,"
+                                                     : "user " + std::to_string(uid) + " is the policy's";
     return refuse(connection, refusals_.unwelcome,
-                  "user " + std::to_string(uid) + " is the policy's and may not be " + std::string(name(hello.role)) +
-                      ": run as user " + std::to_string(allowed_uid_) + " or root");
+                  who + " and may not be " + std::string(name(hello.role)) + ": run as user " +
+                      std::to_string(allowed_uid_) + " or root");
   }
   make_printable(hello);
   if (ours && !has_room_for(hello.role)) {

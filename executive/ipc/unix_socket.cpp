@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "executive/ipc/unix_socket.hpp"
 
+#include <fcntl.h>
 #include <pwd.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/un.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
+#include <string_view>
 #include <system_error>
 
 namespace takt::ipc {
@@ -86,6 +91,51 @@ Credentials peer_of(int socket) {
   socklen_t size = sizeof credentials;
   if (getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &credentials, &size) != 0) return {};
   return {credentials.pid, credentials.uid};
+}
+
+namespace {
+
+// What everybody may read of a process's user namespace, without an allocation: the stop line asks too.
+struct Visible {
+  std::array<char, 512> text{};
+  std::size_t size = 0;
+  bool operator==(const Visible&) const = default;
+  [[nodiscard]] bool denies_setgroups() const noexcept {
+    return std::string_view(text.data(), size).ends_with("deny\n");
+  }
+};
+
+Visible visible_of(const char* process) noexcept {
+  Visible visible;
+  for (const char* const file : {"uid_map", "setgroups"}) {
+    std::array<char, 48> path{};
+    std::snprintf(path.data(), path.size(), "/proc/%s/%s", process, file);
+    const Descriptor open_file(open(path.data(), O_RDONLY | O_CLOEXEC));
+    const ssize_t size = read(open_file.get(), visible.text.data() + visible.size, visible.text.size() - visible.size);
+    if (size > 0) visible.size += static_cast<std::size_t>(size);
+  }
+  return visible;
+}
+
+}  // namespace
+
+UserNamespace user_namespace_of(pid_t pid) noexcept {
+  std::array<char, 16> process{};
+  std::array<char, 32> path{};
+  std::snprintf(process.data(), process.size(), "%d", pid);
+  std::snprintf(path.data(), path.size(), "/proc/%d/ns/user", pid);
+  struct stat ours {
+  }, theirs{};
+  if (stat("/proc/self/ns/user", &ours) != 0) return UserNamespace::ours;  // a kernel without them, or no /proc
+  if (stat(path.data(), &theirs) == 0) {
+    const bool same = ours.st_ino == theirs.st_ino && ours.st_dev == theirs.st_dev;
+    return same ? UserNamespace::ours : UserNamespace::another;
+  }
+  // It has rights that we lack, or hides. A boundary's map or setgroups differs from those of a whole machine.
+  const Visible visible = visible_of(process.data()), own = visible_of("self");
+  if (visible.size == 0) return UserNamespace::unknown;
+  if (visible != own) return UserNamespace::another;
+  return own.denies_setgroups() ? UserNamespace::unknown : UserNamespace::ours;
 }
 
 std::expected<uid_t, std::string> user_id(const std::string& user) {

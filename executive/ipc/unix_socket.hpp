@@ -6,6 +6,7 @@
 #include <sys/types.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <expected>
 #include <span>
 #include <string>
@@ -19,6 +20,11 @@ struct Credentials {
   pid_t pid = 0;
   uid_t uid = 0;
 };
+
+// A policy behind its boundary (policy_host/boundary.hpp) is in a user namespace of its own, as is all that it starts.
+// unknown: the process has ended, or hides.
+enum class UserNamespace : std::uint8_t { ours, another, unknown };
+UserNamespace user_namespace_of(pid_t pid) noexcept;
 
 std::string errno_text();
 
