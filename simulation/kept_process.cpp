@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "simulation/kept_process.hpp"
 
+#include <fcntl.h>
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
+#include <cstdlib>
+
+#include "executive/ipc/descriptor.hpp"
 #include "executive/ipc/unix_socket.hpp"
 
 namespace takt::plant {
@@ -15,17 +20,26 @@ int code_of(int status) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
 
-[[noreturn]] void run_shell(const std::string& command, const sigset_t& signals) {
+[[noreturn]] void run_shell(const std::string& command, const std::function<void()>& before, const sigset_t& signals) {
   ::setpgid(0, 0);
   ::sigprocmask(SIG_UNBLOCK, &signals, nullptr);
   ::dup2(STDERR_FILENO, STDOUT_FILENO);  // ours has tables and JSON
+  if (before) before();
   ::execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
   ::_exit(127);
 }
 
+// 0: there is none.
+pid_t first_child() {
+  std::array<char, 16> text{};
+  const ipc::Descriptor children(::open("/proc/thread-self/children", O_RDONLY | O_CLOEXEC));
+  if (::read(children.get(), text.data(), text.size() - 1) <= 0) return 0;
+  return static_cast<pid_t>(std::strtol(text.data(), nullptr, 10));
+}
+
 // In a child of ours: a shell's children do not die with it, nor it with us. This one does, and takes the group along.
 // Ends as the command does, or when it is told to. After a fork: calls that are safe in signal handlers only.
-[[noreturn]] void keep(const std::string& command, pid_t parent) {
+[[noreturn]] void keep(const std::string& command, const std::function<void()>& before, pid_t parent) {
   sigset_t signals;
   ::sigemptyset(&signals);
   ::sigaddset(&signals, SIGTERM);
@@ -37,7 +51,7 @@ int code_of(int status) {
   ::setpgid(0, 0);  // Ctrl-C is for the one that we belong to
   const pid_t shell = ::fork();
   if (shell < 0) ::_exit(1);
-  if (shell == 0) run_shell(command, signals);
+  if (shell == 0) run_shell(command, before, signals);
   ::setpgid(shell, shell);   // whoever of the two comes first
   ::close_range(3, ~0U, 0);  // our connections end with us, and not with this copy of them
   int status = 0, signal = 0;
@@ -47,6 +61,9 @@ int code_of(int status) {
   int of_group = 0;
   while (::waitpid(-shell, &of_group, 0) > 0) {
   }
+  // Also who left the group.
+  for (pid_t child = first_child(); child > 0 && ::kill(child, SIGKILL) == 0; child = first_child())
+    ::waitpid(child, nullptr, 0);
   ::_exit(code_of(status));
 }
 
@@ -56,11 +73,11 @@ bool KeptProcess::is_kept() const {
   return process_ > 0 && owner_ == ::getpid();
 }
 
-std::expected<void, std::string> KeptProcess::start(const std::string& command) {
+std::expected<void, std::string> KeptProcess::start(const std::string& command, const std::function<void()>& before) {
   owner_ = ::getpid();
   const pid_t pid = ::fork();
   if (pid < 0) return std::unexpected("no process for it: " + ipc::errno_text());
-  if (pid == 0) keep(command, owner_);
+  if (pid == 0) keep(command, before, owner_);
   process_ = pid;
   return {};
 }

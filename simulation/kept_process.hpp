@@ -7,6 +7,7 @@
 #include <sys/types.h>
 
 #include <expected>
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -19,8 +20,9 @@ class KeptProcess {
   KeptProcess& operator=(const KeptProcess&) = delete;
   ~KeptProcess() { end(); }
 
-  // `command`: for /bin/sh; its output goes to stderr. Precondition: not is_kept(). The error is one sentence's end.
-  std::expected<void, std::string> start(const std::string& command);
+  // `command`: for /bin/sh; its output goes to stderr. `before`: in the process that becomes the shell. Precondition:
+  // not is_kept(). The error is one sentence's end.
+  std::expected<void, std::string> start(const std::string& command, const std::function<void()>& before = {});
   // False before start(), after end(), and once ended() said how it ended.
   [[nodiscard]] bool is_kept() const;
   // The exit code, 128 and the signal's number where it died of one; empty: it runs. Precondition: is_kept().

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "cli/command.hpp"
-#include "cli/policy_host_option.hpp"
+#include "cli/run/policy_host_option.hpp"
 #include "cli/world_option.hpp"
 #include "evidence/artifact/signature.hpp"
 #include "evidence/judge/attestation.hpp"
@@ -33,6 +33,7 @@ constexpr const char* kCommand = "takt audit";
 
 struct AuditOptions {
   std::string directory, recompute, panel, robot, world, policy_host, signed_by;
+  policy_host::Grants policy_may;
   std::size_t workers = 1;
   bool json = false, draft = false;
 };
@@ -71,7 +72,7 @@ std::expected<panel::Recomputed, std::string> recomputed(const panel::Artifact& 
       if (robot != kept->robots().end()) task.robot = robot->second;
     }
   }
-  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host});
+  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host, options.policy_may});
   if (!contest) return std::unexpected(contest.error());
   return panel::recompute(artifact, *contest, panel::drawn_rows(rows, artifact.rows.size(), nonce()), options.workers);
 }
@@ -111,7 +112,7 @@ std::expected<panel::Recomputed, std::string> recomputed(const panel::Attestatio
   if (const auto kept = panel::keep_what_is_attested(attestation, *panel); !kept) return std::unexpected(kept.error());
   const auto count = rows_of(options.recompute, panel::plan_of(*panel, {}).size());
   if (!count) return std::unexpected("write a number of rollouts or a share, such as 6 or 25%");
-  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host});
+  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host, options.policy_may});
   if (!contest) return std::unexpected(contest.error());
   return panel::recompute(attestation, *contest, drawn(contest->panel(), *count), options.workers);
 }
@@ -183,6 +184,7 @@ void add_audit(CLI::App& app, int& exit_code) {
       ->needs(panel);
   add_world(*command, options->world)->needs(recompute);
   add_policy_host(*command, options->policy_host)->needs(recompute);
+  add_policy_may(*command, options->policy_may)->needs(recompute);
   command->add_option("--workers", options->workers, "with --recompute: processes that share the work")
       ->check(CLI::Range(1, 1024))
       ->needs(recompute);

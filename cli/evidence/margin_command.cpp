@@ -9,9 +9,9 @@
 
 #include "cli/command.hpp"
 #include "cli/evidence/progress.hpp"
-#include "cli/policy_host_option.hpp"
 #include "cli/quantity_option.hpp"
 #include "cli/run/checked_robot.hpp"
+#include "cli/run/policy_host_option.hpp"
 #include "cli/world_option.hpp"
 #include "config/load.hpp"
 #include "evidence/study/margin_report.hpp"
@@ -22,6 +22,7 @@ namespace {
 
 struct MarginOptions {
   std::string robot, svg, world, policy_host;
+  policy_host::Grants policy_may;
   std::uint64_t seeds = 60;
   std::size_t workers = 1;
   double bound_mm = 20, safety = 0.8;
@@ -68,7 +69,7 @@ std::expected<std::optional<margin::AgeTolerance>, std::string> measure_task(con
       .bound_m = options.has_bound ? options.bound_mm / 1e3 : defaults.bound_m,
       .duration = defaults.duration,
       .on_progress = [&](const margin::ToleranceProgress& at) { progress.show(at.rollouts, at.at_most, at.dose); },
-      .outside = {options.world, options.policy_host}};
+      .outside = {options.world, options.policy_host, options.policy_may}};
   std::ranges::copy(options.command, setup.base_velocity.command.begin());
   auto found = margin::age_tolerance(setup);
   if (!found) return std::unexpected(found.error());
@@ -150,6 +151,7 @@ void add_margin(CLI::App& app, int& exit_code) {
       ->expected(3);
   add_world(*command, options->world);
   add_policy_host(*command, options->policy_host);
+  add_policy_may(*command, options->policy_may);
   command->add_flag("--json", options->json, "print everything as one line of JSON (docs/margin.md)");
   command->footer(
       "Example: takt margin config/arm6.yaml --workers 2 --svg bode.svg\n"

@@ -12,7 +12,7 @@
 #include "cli/command.hpp"
 #include "cli/evidence/progress.hpp"
 #include "cli/evidence/real_rollouts.hpp"
-#include "cli/policy_host_option.hpp"
+#include "cli/run/policy_host_option.hpp"
 #include "cli/world_option.hpp"
 #include "config/load.hpp"
 #include "evidence/artifact/artifact.hpp"
@@ -29,6 +29,7 @@ namespace {
 
 struct PanelRunOptions {
   std::string panel, robot, out, only, method, until_decided, world, policy_host, shard = "1/1";
+  policy_host::Grants policy_may;
   std::size_t workers = 1;
   std::uint64_t seeds = 0;  // 0: as many as the panel says
   bool resume = false, json = false, real_time = false, allow_non_realtime = false;
@@ -169,7 +170,7 @@ int run(const PanelRunOptions& options) {
                   fmt::format("takt panel run: --shard {}: the panel has {} rollouts, and this part has none; "
                               "write fewer parts",
                               options.shard, panel::plan_of(*panel, {}).size()));
-  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host});
+  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host, options.policy_may});
   if (!contest) return refuse(config::kExitBadConfiguration, contest.error());
   if (!options.only.empty()) {
     std::erase_if(plan, [&](const auto& one) { return panel::rollout_id(contest->identity(one)) != options.only; });
@@ -180,7 +181,8 @@ int run(const PanelRunOptions& options) {
   if (!options.until_decided.empty()) decision.emplace(rivals, plan);
   std::optional<RealRollouts> real;
   if (options.real_time) {
-    auto made = RealRollouts::make(*contest, options.out, options.policy_host, options.allow_non_realtime);
+    auto made = RealRollouts::make(*contest, options.out, {options.world, options.policy_host, options.policy_may},
+                                   options.allow_non_realtime);
     if (!made) return refuse(config::kExitBadConfiguration, made.error());
     real.emplace(std::move(*made));
   }
@@ -239,6 +241,7 @@ void add_panel_run(CLI::App& panel, int& exit_code) {
   command->get_option("--workers")->excludes(real_time);
   add_world(*command, options->world)->excludes(real_time);
   add_policy_host(*command, options->policy_host);
+  add_policy_may(*command, options->policy_may);
   command->add_flag("--resume", options->resume, "go on with what lies in --out; rollouts already there are skipped");
   command->add_flag("--json", options->json, "print one line of JSON instead of the table");
   command->footer(

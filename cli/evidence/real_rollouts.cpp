@@ -150,12 +150,12 @@ std::vector<std::string> arguments_of(const panel::Panel& panel, const panel::Re
 }  // namespace
 
 std::expected<RealRollouts, std::string> RealRollouts::make(const panel::Contest& contest, std::string out,
-                                                            std::string policy_host, bool allow_non_realtime) {
-  std::set<std::string> sentences = obstacles(contest, policy_host);
+                                                            panel::OutsideProcesses outside, bool allow_non_realtime) {
+  std::set<std::string> sentences = obstacles(contest, outside.policy);
   if (!sentences.empty())
     return std::unexpected(fmt::format("{0}: {1}\nleave --real-time out, or them", contest.panel().file,
                                        fmt::join(sentences, "\n" + contest.panel().file + ": ")));
-  return RealRollouts(contest, std::move(out), std::move(policy_host), allow_non_realtime);
+  return RealRollouts(contest, std::move(out), std::move(outside), allow_non_realtime);
 }
 
 std::expected<void, std::string> RealRollouts::live_through(const panel::PlannedRollout& planned,
@@ -172,7 +172,8 @@ std::expected<void, std::string> RealRollouts::live_through(const panel::Planned
     if (auto done = monitor::replace_file(plant_file(folder), trouble->plant_scenario); !done) return done;
   std::vector<std::string> arguments = arguments_of(panel, *trouble, planned.seed, folder);
   arguments.insert(arguments.end(), {"--runtime-dir", runtime.path()});
-  if (!policy_host_.empty()) arguments.insert(arguments.end(), {"--policy-host", policy_host_});
+  if (!outside_.policy.empty()) arguments.insert(arguments.end(), {"--policy-host", outside_.policy});
+  for (std::string& word : policy_host::grant_options(outside_.policy_may)) arguments.push_back(std::move(word));
   if (allow_non_realtime_) arguments.emplace_back("--allow-non-realtime");
   if (auto done = monitor::replace_file(folder + "/command.txt", fmt::format("'{}'\n", fmt::join(arguments, "' '")));
       !done)

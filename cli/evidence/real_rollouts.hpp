@@ -21,22 +21,23 @@ namespace takt::cli {
 class RealRollouts {
  public:
   // Refuses a panel that cannot be run so, naming every perturbation and method without a mechanism. `contest` outlives
-  // this. `policy_host`: as `takt run` has it; empty: takt-policy-host.
+  // this. Of `outside` the policy: as `takt run` has it; empty: takt-policy-host.
   static std::expected<RealRollouts, std::string> make(const panel::Contest& contest, std::string out,
-                                                       std::string policy_host, bool allow_non_realtime);
+                                                       panel::OutsideProcesses outside, bool allow_non_realtime);
   // What an interrupted attempt left behind is removed first.
   [[nodiscard]] std::expected<panel::RanRollout, std::string> run(const panel::PlannedRollout& planned) const;
 
  private:
-  RealRollouts(const panel::Contest& contest, std::string out, std::string policy_host, bool allow_non_realtime)
+  RealRollouts(const panel::Contest& contest, std::string out, panel::OutsideProcesses outside, bool allow_non_realtime)
       : contest_(contest),
         out_(std::move(out)),
-        policy_host_(std::move(policy_host)),
+        outside_(std::move(outside)),
         allow_non_realtime_(allow_non_realtime) {}
   [[nodiscard]] std::expected<void, std::string> live_through(const panel::PlannedRollout& planned,
                                                               const std::string& folder) const;
   const panel::Contest& contest_;
-  std::string out_, policy_host_;
+  std::string out_;
+  panel::OutsideProcesses outside_;
   bool allow_non_realtime_;
 };
 

@@ -12,11 +12,11 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.hpp"
-#include "cli/policy_host_option.hpp"
 #include "cli/robot/deployed_robot.hpp"
 #include "cli/robot/executive_guard.hpp"
 #include "cli/run/checked_robot.hpp"
 #include "cli/run/own_process.hpp"
+#include "cli/run/policy_host_option.hpp"
 #include "cli/run/scenario.hpp"
 #include "cli/world_option.hpp"
 #include "config/load.hpp"
@@ -29,6 +29,7 @@ namespace {
 
 struct DeployOptions : DeploymentOptions {
   std::string robot_file, name, world, policy_host, runs = "/var/lib/takt/runs", watch = "30s", arm_within = "120s";
+  policy_host::Grants policy_may;
   bool simulated = false, arm = false;
   deploy::ProbationTimes times;  // of `watch` and `arm_within`
 };
@@ -99,9 +100,10 @@ std::expected<Outcome, Refusal> deploy_robot(const DeployOptions& options) {
   // What is restarted later must not inherit where a policy may run.
   const auto smoke = in_own_process(
       [&] {
-        return deploy::smoke_run(robot, {options.world, options.policy_host});
+        return deploy::smoke_run(robot, {options.world, options.policy_host, options.policy_may});
       },
-      kExitFailed);
+      // A world is no policy, and a program has a boundary of its own.
+      kExitFailed, {.everything = !options.world.empty() || !options.policy_host.empty()});
   if (!smoke)
     return refused(
         "smoke run failed, nothing was changed" + (smoke.error().sentence.empty() ? "" : ": " + smoke.error().sentence),
@@ -173,6 +175,7 @@ void add_deploy(CLI::App& app, int& exit_code) {
   command->add_option("--runs", options->runs, "record.directory of the deployment")->capture_default_str();
   add_world(*command, options->world);
   add_policy_host(*command, options->policy_host);
+  add_policy_may(*command, options->policy_may);
   add_deployment_options(*command, *options);
   command->footer(
       "Example: sudo takt deploy robot.yaml --watch 60s\n"

@@ -10,6 +10,7 @@
 
 #include "cli/command.hpp"
 #include "cli/run/child_process.hpp"
+#include "cli/run/policy_host_option.hpp"
 #include "cli/run/robot_processes.hpp"
 #include "cli/run/status_text.hpp"
 #include "cli/running_robots.hpp"
@@ -34,6 +35,7 @@ struct SwapOptions {
   std::string file;
   std::string runtime_dir;
   std::string robot_file;
+  policy_host::Grants policy_may;
   std::string policy_host;  // path of a program instead of takt-policy-host; empty: itself
 };
 
@@ -146,9 +148,11 @@ std::expected<ChildProcess, Refusal> start_host(const SwapOptions& options, cons
   child.log_path = robot.directory() + "/candidate.log";
   std::remove(child.log_path.c_str());  // of an earlier candidate
   child.parent_death_signal = SIGTERM;
-  child.place = place_of_policy(*config);
+  child.place = place_of_policy(*config, options.policy_may);
+  child.place->grants.runtime_directory = robot.directory();
   auto started = ChildProcess::start(std::move(child));
   if (!started) return std::unexpected(Refusal{kExitFailed, started.error()});
+  for (const std::string& gap : started->gaps()) fmt::print(stderr, "warning: candidate: {}\n", gap);
   return std::move(*started);
 }
 
@@ -258,6 +262,7 @@ void add_policy_shadow(CLI::App& policy, int& exit_code) {
       ->add_option("--policy-host", options->policy_host,
                    "program to start instead of takt-policy-host: a policy in Python or C")
       ->check(CLI::ExistingFile);
+  add_policy_may(*command, options->policy_may);
   command->footer(
       "Example: takt policy shadow new_policy.onnx\n"
       "Runs until Ctrl-C, which gives the robot its own policy back first. Its log: candidate.log in the runtime "

@@ -7,23 +7,26 @@
 #include <sys/types.h>
 
 #include <chrono>
+#include <cstdint>
 #include <expected>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "config/robot_config.hpp"
+#include "policy_host/boundary.hpp"
 
 namespace takt::cli {
 
 // Where a policy runs, and what it becomes and starts: off the executive's processor, for good, or not at all
 // (policy_host/processor_fence.hpp), its libraries' thread pools as large as policy.engine.threads unless the
-// environment says otherwise.
+// environment says otherwise, and behind its boundary (policy_host/boundary.hpp).
 struct PolicyPlace {
   std::optional<int> off_cpu;  // control.cpu
   unsigned threads = 1;
+  policy_host::Grants grants = {};
 };
-PolicyPlace place_of_policy(const config::RobotConfig& robot);
+PolicyPlace place_of_policy(const config::RobotConfig& robot, policy_host::Grants grants);
 
 class ChildProcess {
  public:
@@ -34,6 +37,8 @@ class ChildProcess {
     int parent_death_signal = 0;         // what it gets when the supervisor dies
     std::optional<PolicyPlace> place{};  // of a program that is a policy
   };
+  // A policy's log keeps this much; what it says beyond is dropped, and counted in the log's last line.
+  static constexpr std::uintmax_t kLogBudget_bytes = 8U << 20U;
   static std::expected<ChildProcess, std::string> start(Options options);
 
   ChildProcess(ChildProcess&& other) noexcept;
@@ -42,7 +47,7 @@ class ChildProcess {
   ChildProcess& operator=(const ChildProcess&) = delete;
   ~ChildProcess();
 
-  // Reaps it if it died; true while it lives.
+  // Reaps it if it died; true while it lives. Cuts a policy's log.
   bool alive();
   // SIGTERM (and SIGCONT, in case it is frozen); SIGKILL after `limit`. Reaps it.
   void end(std::chrono::milliseconds limit);
@@ -55,14 +60,19 @@ class ChildProcess {
   [[nodiscard]] std::string ended_by() const;
   // Exit status, 128 + signal number, or nothing while it lives.
   [[nodiscard]] std::optional<int> exit_code() const;
+  // Of a policy: what this machine's kernel does not keep it from, a sentence each.
+  [[nodiscard]] const std::vector<std::string>& gaps() const { return gaps_; }
   // Last lines of its log, indented, for messages.
   [[nodiscard]] std::string last_words() const;
 
  private:
   ChildProcess(Options options, pid_t pid) : options_(std::move(options)), pid_(pid) {}
   bool reap(int flags);
+  void cut_log();
   Options options_;
   pid_t pid_ = -1;
+  std::vector<std::string> gaps_;
+  std::uintmax_t dropped_bytes_ = 0;
   std::optional<int> wait_status_;
 };
 

@@ -8,13 +8,14 @@
 #include <string>
 
 #include "cli/command.hpp"
+#include "policy_host/boundary.hpp"
 
 namespace takt::cli {
 
-// What `work` answers, from a fork of this process that dies with it; `refused`: exit code of an error it returns. A
-// fork that ends without an answer said why on stderr: its exit code, and no sentence; one that was killed: a sentence.
-// Blocks. Thread rule: a process of one thread.
+// What `work` answers, from a fork of this process that dies with it, behind a policy's boundary but for `grants`;
+// `refused`: exit code of an error it returns. A fork that ends without an answer said why on stderr: its exit code,
+// and no sentence; one that was killed: a sentence. Blocks. Thread rule: a process of one thread.
 std::expected<std::string, Refusal> in_own_process(const std::function<std::expected<std::string, std::string>()>& work,
-                                                   int refused);
+                                                   int refused, const policy_host::Grants& grants = {});
 
 }  // namespace takt::cli

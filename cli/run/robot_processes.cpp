@@ -3,16 +3,20 @@
 
 #include <fmt/format.h>
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/un.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 
 #include "config/paths.hpp"
 #include "executive/ipc/rendezvous.hpp"
+#include "executive/ipc/unix_socket.hpp"
 
 namespace takt::cli {
 namespace {
@@ -71,7 +75,9 @@ std::string label(ProcessName process) {
 }
 
 RobotProcesses::RobotProcesses(const config::RobotConfig& robot, const RobotPlace& place)
-    : robot_(robot), place_(place) {}
+    : robot_(robot), place_(place) {
+  prctl(PR_SET_CHILD_SUBREAPER, 1);
+}
 
 std::vector<ProcessName> RobotProcesses::wanted() const {
   std::vector<ProcessName> processes;
@@ -91,6 +97,15 @@ std::string RobotProcesses::path_of(ProcessName process) const {
   const bool is_host = process == ProcessName::policy || process == ProcessName::fallback;
   const bool is_own = is_host && !place_.policy_host.empty();
   return is_own ? place_.policy_host : beside_this_program(program(process));
+}
+
+// Our own bridge is no policy: it brings one from another machine.
+policy_host::Grants RobotProcesses::granted_to(const std::string& program) const {
+  policy_host::Grants grants = place_.policy_grants;
+  grants.runtime_directory = place_.runtime_directory;
+  std::error_code error;
+  if (fs::equivalent(program, beside_this_program("takt-policy-bridge"), error)) grants.network = true;
+  return grants;
 }
 
 std::expected<void, std::string> RobotProcesses::start(ProcessName process) {
@@ -118,7 +133,8 @@ std::expected<void, std::string> RobotProcesses::start(ProcessName process) {
   }
   options.log_path = fmt::format("{}/{}.log", log_directory(), label(process));
   options.parent_death_signal = parent_death_signal(process);
-  if (process == ProcessName::policy || process == ProcessName::fallback) options.place = place_of_policy(robot_);
+  if (process == ProcessName::policy || process == ProcessName::fallback)
+    options.place = place_of_policy(robot_, granted_to(options.arguments[0]));
   std::optional<ChildProcess>& child = children_[static_cast<std::size_t>(process)];
   if (!child) fs::remove(options.log_path, error);  // of an earlier run; a restart adds to this run's
   auto started = ChildProcess::start(std::move(options));
@@ -158,6 +174,23 @@ ChildProcess* RobotProcesses::find(ProcessName process) {
   return child ? &*child : nullptr;
 }
 
+// It became this process's child, and is in a policy's user namespace still.
+void RobotProcesses::end_left_behind() {
+  constexpr int kRounds = 100;  // each may leave others behind
+  for (int round = 0; round < kRounds; ++round) {
+    std::ifstream children(fmt::format("/proc/self/task/{}/children", getpid()));
+    bool any = false;
+    for (pid_t pid = 0; children >> pid;) {
+      const bool is_known =
+          std::ranges::any_of(children_, [pid](const auto& child) { return child && child->pid() == pid; });
+      if (is_known || ipc::user_namespace_of(pid) != ipc::UserNamespace::another) continue;
+      kill(pid, SIGKILL);
+      any = waitpid(pid, nullptr, 0) == pid;
+    }
+    if (!any) return;
+  }
+}
+
 void RobotProcesses::end_all() {
   const auto end = [this](ProcessName process, std::chrono::milliseconds limit) {
     if (ChildProcess* child = find(process)) child->end(limit);
@@ -165,6 +198,7 @@ void RobotProcesses::end_all() {
   end(ProcessName::executive, kExecutiveEndsWithin);
   end(ProcessName::policy, kOthersEndWithin);
   end(ProcessName::fallback, kOthersEndWithin);
+  end_left_behind();
   end(ProcessName::plant, kOthersEndWithin);
   end(ProcessName::monitor, kMonitorEndsWithin);
 }

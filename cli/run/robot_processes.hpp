@@ -15,6 +15,7 @@
 #include "cli/run/scenario.hpp"
 #include "config/robot_config.hpp"
 #include "executive/contract/session.hpp"
+#include "policy_host/boundary.hpp"
 
 namespace takt::cli {
 
@@ -26,6 +27,7 @@ struct RobotPlace {
   std::vector<std::string> plant_arguments = {};   // further ones of takt-plant
   std::string policy_host = {};                    // path of a program instead of takt-policy-host; empty: itself
   std::vector<std::string> policy_arguments = {};  // of the policy host
+  policy_host::Grants policy_grants = {};
 };
 
 class RobotProcesses {
@@ -52,6 +54,8 @@ class RobotProcesses {
  private:
   [[nodiscard]] std::string log_directory() const;
   [[nodiscard]] std::string path_of(ProcessName process) const;
+  void end_left_behind();
+  [[nodiscard]] policy_host::Grants granted_to(const std::string& program) const;
   const config::RobotConfig& robot_;
   const RobotPlace& place_;
   std::array<std::optional<ChildProcess>, kProcessCount> children_;

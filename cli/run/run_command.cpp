@@ -14,6 +14,7 @@
 #include "cli/run/checked_robot.hpp"
 #include "cli/run/own_process.hpp"
 #include "cli/run/policy_check.hpp"
+#include "cli/run/policy_host_option.hpp"
 #include "cli/run/supervisor.hpp"
 #include "cli/running_robots.hpp"
 #include "config/load.hpp"
@@ -41,6 +42,7 @@ constexpr const char* kFooter =
 struct Given {
   std::string robot_file, runtime_dir, run_dir, duration, rearm_after, policy_host;
   std::vector<std::string> at, plant, policy;
+  policy_host::Grants policy_may;
   bool arm = false, allow_non_realtime = false, restart = false, to_the_end = false;
 };
 
@@ -144,7 +146,8 @@ int run(const Given& given) {
                    .allow_non_realtime = given.allow_non_realtime || only_simulated(robot),
                    .plant_arguments = given.plant,
                    .policy_host = given.policy_host,
-                   .policy_arguments = given.policy};
+                   .policy_arguments = given.policy,
+                   .policy_grants = given.policy_may};
   if (const auto fine = check_processes(given, robot, options.events); !fine)
     return refuse(fine.error().exit_code, fine.error().sentence);
   if (const auto fine = check_policy_host(given, robot); !fine)
@@ -187,6 +190,7 @@ void add_run(CLI::App& app, int& exit_code) {
       ->allow_extra_args(false);
   command->add_option("--policy-host", given->policy_host,
                       "program to start instead of takt-policy-host: a policy in Python or C (docs/python-policy.md)");
+  add_policy_may(*command, given->policy_may);
   command->add_flag("--to-the-end", given->to_the_end, "for the whole --duration, even if the robot rests before");
   command->add_flag("--arm", given->arm, "arm as soon as nothing is missing");
   command

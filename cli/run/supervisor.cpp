@@ -221,6 +221,8 @@ Supervisor::Outcome Supervisor::start_all() {
   for (const ProcessName process : processes_.wanted()) {
     if (auto started = processes_.start(process); !started)
       return std::unexpected(End{kExitUnavailable, started.error()});
+    for (const std::string& gap : processes_.find(process)->gaps())
+      display_.note(fmt::format("warning: {}: {}", label(process), gap));
     note_started(process);
     if (auto ready = wait_ready(process); !ready) return ready;
   }

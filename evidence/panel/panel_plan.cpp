@@ -69,17 +69,16 @@ std::expected<void, std::string> give_network(Contestant& made) {
 }
 
 // Does it take the robot? It is started again where it rolls out.
-std::expected<void, std::string> give_program(Contestant& made, const std::string& command) {
-  made.program = std::make_unique<PolicyProcess>(command);
+std::expected<void, std::string> give_program(Contestant& made, const OutsideProcesses& outside) {
+  made.program = std::make_unique<PolicyProcess>(outside.policy, outside.policy_may);
   auto begun = made.program->begin(made.robot, made.policy_hash);
   made.program->end();
   return begun;
 }
 
-// `world`: what the process that plays the mechanics calls itself; empty: none does. `program`: the policy's; empty: a
-// network.
+// `world`: what the process that plays the mechanics calls itself; empty: none does.
 std::expected<Contestant, std::string> make_contestant(const config::RobotConfig& base, const PanelMethod& method,
-                                                       const std::string& world, const std::string& program) {
+                                                       const std::string& world, const OutsideProcesses& outside) {
   auto robot = config::with_overrides(base, method.overrides);
   if (!robot) return std::unexpected(robot.error());
   if (const auto fine = policy_host::check_policy_section(*robot); !fine) return std::unexpected(fine.error());
@@ -90,7 +89,7 @@ std::expected<Contestant, std::string> make_contestant(const config::RobotConfig
   if (!sha256) return std::unexpected(sha256.error());
   made.policy_sha256 = std::move(*sha256);
   made.policy_hash = config::leading_64_bits(made.policy_sha256);
-  if (const auto given = program.empty() ? give_network(made) : give_program(made, program); !given)
+  if (const auto given = outside.policy.empty() ? give_network(made) : give_program(made, outside); !given)
     return std::unexpected(given.error());
   auto fallback = load_fallback_host(made.robot);
   if (!fallback) return std::unexpected(fallback.error());
@@ -177,7 +176,7 @@ std::expected<Contest, std::string> Contest::prepare(Panel panel, const OutsideP
       continue;
     }
     for (const PanelMethod& method : contest.panel_.methods) {
-      auto made = make_contestant(*robot, method, *played, outside.policy);
+      auto made = make_contestant(*robot, method, *played, outside);
       if (made)
         contest.contestants_.push_back(std::move(*made));
       else
@@ -295,11 +294,13 @@ RanRollout Contest::conclude(RolloutRow row, RolloutWatch& watch, const std::str
   const auto option = [](const char* name, const std::string& value) {
     return value.empty() ? "" : fmt::format(" {} '{}'", name, value);
   };
+  std::string grants;
+  for (const std::string& word : policy_host::grant_options(outside_.policy_may)) grants += " '" + word + "'";
   PostMortemDraft draft{.row = ran.row,
                         .show_again = fmt::format(
-                            "takt panel run {}{}{}{} --only {} --out again  # panel: SHA-256 {}", panel_.file,
+                            "takt panel run {}{}{}{}{} --only {} --out again  # panel: SHA-256 {}", panel_.file,
                             panel_.robot.empty() ? "" : " --robot " + panel_.robot, option("--world", outside_.world),
-                            option("--policy-host", outside_.policy), rollout_id(ran.row), panel_.sha256),
+                            option("--policy-host", outside_.policy), grants, rollout_id(ran.row), panel_.sha256),
                         .ticks = &watch.failure_,
                         .verdicts = {},
                         .incidents = monitor::by_gravity(std::move(watch.told_))};

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <utility>
@@ -28,10 +29,11 @@ constexpr Duration kServe = milliseconds(20);  // who comes and goes, while an a
 
 }  // namespace
 
-PolicyProcess::PolicyProcess(std::string command) : PolicyProcess(std::move(command), Patience{}) {}
+PolicyProcess::PolicyProcess(std::string command, policy_host::Grants grants)
+    : PolicyProcess(std::move(command), Patience{}, std::move(grants)) {}
 
-PolicyProcess::PolicyProcess(std::string command, const Patience& patience)
-    : command_(std::move(command)), patience_(patience) {
+PolicyProcess::PolicyProcess(std::string command, const Patience& patience, policy_host::Grants grants)
+    : command_(std::move(command)), patience_(patience), grants_(std::move(grants)) {
   // A file's name, as `takt run` takes it, need not look like a path to the shell.
   if (fs::is_regular_file(command_)) command_ = "'" + fs::absolute(command_).lexically_normal().string() + "'";
 }
@@ -83,10 +85,14 @@ std::expected<void, std::string> PolicyProcess::prepare() {
 }
 
 std::expected<void, std::string> PolicyProcess::start() {
-  if (auto started =
-          process_.start(fmt::format("{} --robot '{}/robot.yaml' --runtime-dir '{}'", command_, folder_, folder_));
-      !started)
-    return started;
+  grants_.runtime_directory = folder_;
+  const auto confine = [this] {
+    for (const std::string& gap : policy_host::go_behind_boundary(grants_))
+      fmt::print(stderr, "warning: policy `{}`: {}\n", command_, gap);
+    std::fflush(stderr);
+  };
+  const std::string command = fmt::format("{} --robot '{}/robot.yaml' --runtime-dir '{}'", command_, folder_, folder_);
+  if (auto started = process_.start(command, confine); !started) return started;
   return wait_for_policy(seat_->session());
 }
 

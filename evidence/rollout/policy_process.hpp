@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A policy that is a program (takt.connect, takt/client.h), in virtual time: started as `takt run --policy-host` starts
-// it, beside a seat without an executive that shows it one observation at a time and waits for its answer.
+// it, behind the same boundary (policy_host/boundary.hpp), beside a seat without an executive that shows it one
+// observation at a time and waits for its answer.
 //
 // When things happen is not the program's affair but the model's (virtual_policy.hpp): how long it really takes counts
 // for nothing, and all stamps that it is shown are virtual. Every rollout is a session of its own, which a policy
@@ -23,6 +24,7 @@
 #include "executive/contract/observation.hpp"
 #include "executive/contract/sensor_sample.hpp"
 #include "executive/ipc/sensor_server.hpp"
+#include "policy_host/boundary.hpp"
 #include "policy_host/policy_seat.hpp"
 #include "simulation/kept_process.hpp"
 
@@ -35,8 +37,8 @@ class PolicyProcess {
     Duration answer = seconds(30);  // to one observation
   };
   // `command`: for /bin/sh; `--robot FILE --runtime-dir FOLDER` go behind it.
-  explicit PolicyProcess(std::string command);
-  PolicyProcess(std::string command, const Patience& patience);
+  explicit PolicyProcess(std::string command, policy_host::Grants grants = {});
+  PolicyProcess(std::string command, const Patience& patience, policy_host::Grants grants = {});
   PolicyProcess(const PolicyProcess&) = delete;
   PolicyProcess& operator=(const PolicyProcess&) = delete;
   ~PolicyProcess();
@@ -72,6 +74,7 @@ class PolicyProcess {
 
   std::string command_;
   Patience patience_;
+  policy_host::Grants grants_;
   const config::RobotConfig* robot_ = nullptr;
   std::uint64_t policy_hash_ = 0;
   std::string folder_;

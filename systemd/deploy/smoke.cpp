@@ -88,7 +88,7 @@ std::expected<std::string, std::string> smoke_run(const config::RobotConfig& rob
       return std::unexpected(fence.error());
     policy_host::limit_thread_pools(robot.policy->engine.value_or(config::Engine{}).threads,
                                     policy_host::PoolSize::unless_set);
-    panel::PolicyProcess program(outside.policy);
+    panel::PolicyProcess program(outside.policy, outside.policy_may);
     if (const auto begun = program.begin(robot, *hash); !begun) return std::unexpected(begun.error());
     return try_out(robot, program, outside.world);
   }

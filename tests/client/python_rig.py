@@ -62,8 +62,8 @@ class PythonRig(unittest.TestCase):
     def command(self, *arguments):
         return subprocess.run(arguments, cwd=self.folder, env=self.environment, capture_output=True, text=True, timeout=120, check=False)
 
-    def run_robot(self, duration):
+    def run_robot(self, duration, may="write=."):
         done = self.command("takt", "run", "robot.yaml", "--policy-host", "./policy.py", "--arm", "--duration", duration, "--run-dir", "run",
-                            "--plant=--truth=truth.jsonl")
+                            "--policy-may", may, "--plant=--truth=truth.jsonl")
         log = self.folder / "run/logs/takt-policy-host.log"
         return done, log.read_text() if log.exists() else ""

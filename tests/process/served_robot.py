@@ -44,7 +44,7 @@ class ServedRobot(Operated):
         library = programs.parent / "lib"
         environment = {**os.environ, "PYTHONPATH": str(source / "client/python"), "LD_LIBRARY_PATH": str(library), "PYTHONDONTWRITEBYTECODE": "1",
                        "TAKT_TEST_SERVER": url}
-        self.process = self.start(self.robot, folder / "run", "--policy-host", "./served_policy.py", duration="290s", cwd=folder, env=environment)
+        self.process = self.start(self.robot, folder / "run", "--policy-host", "./served_policy.py", "--policy-may", "network", duration="290s", cwd=folder, env=environment)
 
     def finish(self):
         """What it said, once the run folder is complete."""

@@ -6,6 +6,8 @@
 #include <sched.h>
 
 #include <chrono>
+#include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -111,6 +113,20 @@ TEST_F(PolicyPlaceTest, IsNotStartedWhereItCouldOnlyRunThere) {
   EXPECT_NE(text_of(in("log")).find("is the executive's (control.cpu), and the only one that this process may use"),
             std::string::npos)
       << text_of(in("log"));
+}
+
+TEST_F(PolicyPlaceTest, ItsLogHasABudgetAndSaysWhatWasDropped) {
+  constexpr std::uintmax_t kSaid_bytes = 20'000'000;
+  std::ofstream(in("policy.py")) << "#!/bin/sh\nhead -c " << kSaid_bytes << " /dev/zero | tr '\\0' x\nexit 3\n";
+  EXPECT_EQ(started(allowed_here().back(), 1), 3);
+  const std::string log = text_of(in("log"));
+  const std::string last = log.substr(log.rfind('\n', log.size() - 2) + 1);
+  std::uintmax_t dropped_bytes = 0;
+  ASSERT_EQ(std::sscanf(last.c_str(), "policy: at least %ju bytes beyond 8 MiB of log were dropped", &dropped_bytes), 1)
+      << last;
+  EXPECT_GT(dropped_bytes, 0U);
+  EXPECT_LE(dropped_bytes, kSaid_bytes - ChildProcess::kLogBudget_bytes);
+  EXPECT_EQ(log.size(), ChildProcess::kLogBudget_bytes + 1 + last.size());
 }
 
 TEST_F(PolicyPlaceTest, IsGivenToEveryPolicyThatTaktRunStarts) {

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <unistd.h>
 
+#include <cstdlib>
 #include <filesystem>
 
 #include "evidence/panel/panel_plan.hpp"
@@ -115,6 +116,26 @@ TEST(PolicyProcess, OneThatDoesNotFitIsRefusedBeforeAnythingRolls) {
   EXPECT_THAT(why("/no/such/program"), HasSubstr("exited with 127"));
   PolicyProcess host(TAKT_POLICY_HOST, {seconds(2), seconds(2)});
   EXPECT_FALSE(host.begin(test::arm(), test::setup().policy_hash)) << "takt-policy-host knows no virtual time";
+}
+
+TEST(PolicyProcess, IsBehindTheBoundaryAndLeavesNoProcess) {
+  const std::filesystem::path file =
+      std::filesystem::path(testing::TempDir()) / ("takt-touched." + std::to_string(getpid()));
+  const std::string mark = "4321" + std::to_string(getpid());
+  const auto leaves = [&](const policy_host::Grants& grants) {
+    PolicyProcess policy("touch " + file.string() + "; setsid -f sleep " + mark + "; " + program("sways"), kPatience,
+                         grants);
+    const auto begun = policy.begin(test::arm(), test::setup().policy_hash);
+    EXPECT_TRUE(begun) << begun.error();
+    return std::filesystem::remove(file);
+  };
+  EXPECT_FALSE(leaves({}));
+  EXPECT_TRUE(leaves({.writable = {testing::TempDir()}}));
+  EXPECT_TRUE(leaves({.everything = true}));
+  EXPECT_NE(
+      std::system(
+          ("pgrep -f 'sleep " + mark.substr(0, 1) + "[" + mark.substr(1, 1) + "]" + mark.substr(2) + "'").c_str()),
+      0);
 }
 
 std::vector<std::string> hashes(std::size_t workers) {

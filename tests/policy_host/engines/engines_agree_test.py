@@ -333,7 +333,7 @@ with takt.connect("robot.yaml", spec) as robot:
             file.flush()
 """)
         (self.folder / "policy.py").chmod(0o755)
-        done = subprocess.run(["takt", "run", "robot.yaml", "--policy-host", "./policy.py", "--arm", "--duration", "3s", "--allow-non-realtime",
+        done = subprocess.run(["takt", "run", "robot.yaml", "--policy-host", "./policy.py", "--policy-may", "write=.", "--arm", "--duration", "3s", "--allow-non-realtime",
                                "--run-dir", "run"], cwd=self.folder, env=self.environment(), capture_output=True, text=True, timeout=120, check=False)
         self.assertTrue((self.folder / "said").exists(), done.stdout + done.stderr)
         said = np.fromfile(self.folder / "said", np.float32).reshape(-1, ACTIONS)
