@@ -3,9 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <array>
-#include <cstdint>
-#include <cstring>
 #include <filesystem>
 #include <optional>
 #include <string_view>
@@ -67,15 +64,15 @@ class MeshSearch {
  private:
   void look_for_mesh(const XmlTag& tag, const XmlAttribute& file) {
     if (is_there(named(folders_.meshes, file.value, folders_.names_only))) return;
-    std::string path = stand_in_;
+    std::string shape = stand_in_;
     if (const auto elsewhere = under_mesh_path(file.value))
-      path = elsewhere->string();
+      shape = fmt::format(R"(file="{}")", elsewhere->string());
     else
       found_.missing.emplace_back(file.value);
-    if (path.empty()) return;
+    if (shape.empty()) return;
     // Without a name a mesh is called as its file is.
     const std::string name = tag.find("name") ? "" : fmt::format(R"(name="{}" )", fs::path(file.value).stem().string());
-    replace(file, fmt::format(R"({}file="{}")", name, path));
+    replace(file, name + shape);
   }
 
   [[nodiscard]] std::optional<fs::path> under_mesh_path(std::string_view file) const {
@@ -104,22 +101,8 @@ MeshFiles find_mesh_files(const std::string& text, const std::string& mesh_path,
   return MeshSearch(text, mesh_path, stand_in).run();
 }
 
-std::string stand_in_mesh(float size) {
-  constexpr std::array<std::array<int, 3>, 4> kFaces{{{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}}};
-  const std::array<std::array<float, 3>, 4> corners{{{0, 0, 0}, {size, 0, 0}, {0, size, 0}, {0, 0, size}}};
-  std::string bytes(80, ' ');
-  const auto put = [&bytes](const auto& value) {
-    std::array<char, sizeof value> raw{};
-    std::memcpy(raw.data(), &value, sizeof value);
-    bytes.append(raw.data(), raw.size());
-  };
-  put(std::uint32_t{kFaces.size()});
-  for (const auto& face : kFaces) {
-    put(std::array<float, 3>{0, 0, 1});  // the normal, which is not read
-    for (const int corner : face) put(corners[static_cast<std::size_t>(corner)]);
-    put(std::uint16_t{0});
-  }
-  return bytes;
+std::string stand_in_mesh(double size) {
+  return fmt::format(R"(vertex="0 0 0 {0} 0 0 0 {0} 0 0 0 {0}")", size);
 }
 
 }  // namespace takt::plant

@@ -14,11 +14,11 @@ struct MeshFiles {
 
 // `text`: with a whole path as `meshdir` and `texturedir`, as mend_mjcf leaves it. A mesh that is not where the model
 // names it is looked for under `mesh_path` (empty: nowhere else), by the same name and by the file's name alone, and
-// named there by its whole path. One that is nowhere is named `stand_in`, and a texture becomes grey; `stand_in` empty:
-// both stay as they are.
+// named there by its whole path. One that is nowhere becomes `stand_in`, and a texture grey; `stand_in` empty: both
+// stay as they are.
 MeshFiles find_mesh_files(const std::string& text, const std::string& mesh_path, const std::string& stand_in);
 
-// A tetrahedron of this size (m), as binary STL.
-std::string stand_in_mesh(float size);
+// A tetrahedron of this size (m), as attributes of a <mesh>.
+std::string stand_in_mesh(double size);
 
 }  // namespace takt::plant

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "simulation/mujoco_model.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <stdexcept>
@@ -34,31 +32,16 @@ void take_errors_and_warnings() {
   mju_user_warning = [](const char*) {};
 }
 
-// MuJoCo reads files; this one lives as long as the object.
-class TemporaryFile {
+// MuJoCo reads and writes files. This one has no name, and is there for a policy too, which may write no folder.
+class MemoryFile {
  public:
-  explicit TemporaryFile(const std::string& bytes, const std::string& ending = ".xml")
-      : path_(fs::temp_directory_path() / ("takt-model-XXXXXX" + ending)) {
-    const int file = mkstemps(path_.data(), static_cast<int>(ending.size()));
-    if (file >= 0) close(file);
-    std::ofstream(path_, std::ios::binary) << bytes;
+  explicit MemoryFile(const std::string& bytes = "")
+      : file_(memfd_create("takt-model", MFD_CLOEXEC)), path_(fmt::format("/proc/self/fd/{}", file_)) {
+    if (!bytes.empty()) std::ofstream(path_, std::ios::binary) << bytes;
   }
-  TemporaryFile(const TemporaryFile&) = delete;
-  TemporaryFile& operator=(const TemporaryFile&) = delete;
-  ~TemporaryFile() { unlink(path_.c_str()); }
-  [[nodiscard]] const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
-
-// A file without a name that a child of ours writes.
-class SharedFile {
- public:
-  SharedFile() : file_(memfd_create("takt-model", MFD_CLOEXEC)), path_(fmt::format("/proc/self/fd/{}", file_)) {}
-  SharedFile(const SharedFile&) = delete;
-  SharedFile& operator=(const SharedFile&) = delete;
-  ~SharedFile() {
+  MemoryFile(const MemoryFile&) = delete;
+  MemoryFile& operator=(const MemoryFile&) = delete;
+  ~MemoryFile() {
     if (file_ >= 0) close(file_);
   }
   [[nodiscard]] bool is_open() const { return file_ >= 0; }
@@ -95,13 +78,13 @@ std::expected<Model, std::string> compile(const std::string& path) {
 std::expected<Model, std::string> compile_coupled(const std::string& path, const std::string& equalities) {
   auto model = compile(path);
   if (!model || equalities.empty()) return model;
-  const TemporaryFile written("");
+  const MemoryFile written;
   char error[1000] = "";
   if (mj_saveLastXML(written.path().c_str(), model->get(), error, sizeof error) == 0) return std::unexpected(error);
   std::ifstream stream(written.path());
   std::string text{std::istreambuf_iterator<char>(stream), {}};
   text.insert(std::min(text.rfind("</mujoco>"), text.size()), equalities);
-  return compile(TemporaryFile(text).path());
+  return compile(MemoryFile(text).path());
 }
 
 bool collides(const mjModel& model, int geom) {
@@ -136,11 +119,9 @@ std::string some_of(const std::vector<std::string>& names) {
 class Sources {
  public:
   Sources(const std::string& mended, const std::string& mesh_path)
-      : small_mesh_(stand_in_mesh(0.01F), ".stl"),
-        large_mesh_(stand_in_mesh(0.02F), ".stl"),
-        found_(find_mesh_files(mended, mesh_path, small_mesh_.path())),
+      : found_(find_mesh_files(mended, mesh_path, stand_in_mesh(0.01))),
         first_(found_.text),
-        second_(found_.missing.empty() ? "" : find_mesh_files(mended, mesh_path, large_mesh_.path()).text),
+        second_(found_.missing.empty() ? "" : find_mesh_files(mended, mesh_path, stand_in_mesh(0.02)).text),
         equalities_(mimics_as_equalities(mended)) {}
 
   [[nodiscard]] std::expected<Model, std::string> compile() const {
@@ -161,9 +142,8 @@ class Sources {
   }
 
  private:
-  TemporaryFile small_mesh_, large_mesh_;
   MeshFiles found_;
-  TemporaryFile first_, second_;
+  MemoryFile first_, second_;
   std::string equalities_;
 };
 
@@ -214,7 +194,7 @@ std::expected<LoadedModel, std::string> load_model(const config::ModelText& text
   MendedMjcf mended = mend(text, mesh_path);
   for (std::string& note : mended.mended) note = config::in_lines_of_files(text, note);
   const Sources sources(mended.text, mesh_path);
-  const SharedFile compiled;
+  const MemoryFile compiled;  // a child of ours writes it
   if (!compiled.is_open())
     return std::unexpected(fmt::format("{}: no memory to read it into: {}", path, ipc::errno_text()));
   const auto done = in_bounded_child([&] { return compile_to(sources, compiled.path()); });
