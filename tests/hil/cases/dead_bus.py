@@ -26,7 +26,10 @@ def main():
         if joint < ON_VCAN0:
             written[joint, data].append(stamp)
     ages, longest_ms, thrown = [], 0.0, sum(map(len, written.values()))
+    recorded_to = max((stamps[-1] for stamps in written.values()), default=0)  # the folder was copied while the executive ran
     for joint, data, stamp in run.command_frames(out / "frames.log"):
+        if stamp > recorded_to + STAMP_NS:
+            break
         candidates = written[joint, data]
         newest = bisect.bisect_right(candidates, stamp + STAMP_NS) - 1
         if newest < 0:
