@@ -81,6 +81,19 @@ std::expected<void, Refusal> prove(deploy::Store& store, const DeployOptions& op
   return {};
 }
 
+// Of the copy that would be used, and not of the files that it came from: those may change meanwhile.
+std::expected<std::string, Refusal> smoke_run_of(const std::string& robot_file, const DeployOptions& options) {
+  const auto robot = config::load(robot_file);
+  if (!robot) return refused(robot.error());
+  // What is restarted later must not inherit where a policy may run.
+  return in_own_process(
+      [&] {
+        return deploy::smoke_run(*robot, {options.world, options.policy_host, options.policy_may});
+      },
+      // A world is no policy, and a program has a boundary of its own.
+      kExitFailed, {.everything = !options.world.empty() || !options.policy_host.empty()});
+}
+
 std::expected<Outcome, Refusal> deploy_robot(const DeployOptions& options) {
   const auto checked = check_robot_file(options.robot_file);
   if (!checked) return refused(first_problems(checked.error()), config::kExitBadConfiguration);
@@ -97,23 +110,22 @@ std::expected<Outcome, Refusal> deploy_robot(const DeployOptions& options) {
   const std::vector<std::string> places{options.place.runtime_directory};
   if (const auto disarmed = require_disarmed(places); !disarmed) return std::unexpected(disarmed.error());
 
-  // What is restarted later must not inherit where a policy may run.
-  const auto smoke = in_own_process(
-      [&] {
-        return deploy::smoke_run(robot, {options.world, options.policy_host, options.policy_may});
-      },
-      // A world is no policy, and a program has a boundary of its own.
-      kExitFailed, {.everything = !options.world.empty() || !options.policy_host.empty()});
-  if (!smoke)
-    return refused(
-        "smoke run failed, nothing was changed" + (smoke.error().sentence.empty() ? "" : ": " + smoke.error().sentence),
-        smoke.error().exit_code);
-  Outcome outcome{options.name.empty() ? new_name(robot) : options.name, store->current(), *smoke, {}, {}};
-  if (const auto added = store->add({robot, outcome.name, options.runs, options.simulated}); !added)
-    return refused(added.error());
+  Outcome outcome{options.name.empty() ? new_name(robot) : options.name, store->current(), {}, {}, {}};
+  int exit_code = kExitFailed;
+  const auto try_out = [&](const std::string& copy) -> std::expected<void, std::string> {
+    auto smoke = smoke_run_of(copy, options);
+    if (smoke) outcome.smoke = std::move(*smoke);
+    if (smoke) return {};
+    exit_code = smoke.error().exit_code;
+    const std::string& why = smoke.error().sentence;
+    return std::unexpected("smoke run failed, nothing was changed" + (why.empty() ? "" : ": " + why));
+  };
+  if (const auto added = store->add({robot, outcome.name, options.runs, options.simulated}, try_out); !added)
+    return refused(added.error(), exit_code);
   // Again: the smoke run took seconds. From here on Ctrl-C goes back instead of ending half-way.
   catch_interruptions();
   if (const auto disarmed = require_disarmed(places); !disarmed) return std::unexpected(disarmed.error());
+  if (const auto as_tried = store->is_as_tried(outcome.name); !as_tried) return refused(as_tried.error());
   if (const auto used = store->use(outcome.name); !used) return refused(used.error());
   if (const auto proven = prove(*store, options, robot, outcome); !proven)
     return refused(fmt::format("{}: {}; {}", outcome.name, outcome.reason, proven.error().sentence));
@@ -179,11 +191,11 @@ void add_deploy(CLI::App& app, int& exit_code) {
   add_deployment_options(*command, *options);
   command->footer(
       "Example: sudo takt deploy robot.yaml --watch 60s\n"
-      "Checks the file, runs it for some seconds in virtual time if it has `simulation`, copies it with its policy "
-      "into\n"
-      "a folder of its own, switches to it, restarts the robot's processes and watches: a violated contract, a stop or "
+      "Checks the file, copies it with its policy into a folder of its own, runs the copy for some seconds in virtual\n"
+      "time if it has `simulation`, switches to it, restarts the robot's processes and watches: a violated contract, "
       "a\n"
-      "fault within --watch of tracking brings the previous deployment back. So does Ctrl-C. See takt rollback.\n"
+      "stop or a fault within --watch of tracking brings the previous deployment back. So does Ctrl-C. See takt\n"
+      "rollback. What a program of --policy-host imports is not copied: only the robot file and its policy files are.\n"
       "Exit codes: 0 in use, 1 refused or rolled back, 64 command line, 65 robot file, 69 nothing restarts it.");
   command->callback([options, &exit_code] { exit_code = run(*options); });
 }

@@ -33,6 +33,8 @@ std::expected<int, Refusal> roll_back(const RollbackOptions& options) {
     return std::unexpected(disarmed.error());
   const auto robot = config::load(*file);
   if (!robot) return std::unexpected(Refusal{kExitFailed, robot.error()});
+  if (const auto as_tried = store->is_as_tried(to); !as_tried)  // the way back stays open
+    fmt::print(stderr, "warning: {}\n", as_tried.error());
   catch_interruptions();
   if (const auto used = store->use(to); !used) return std::unexpected(Refusal{kExitFailed, used.error()});
   if (const auto restarted = restart_and_wait(options.place, wanted_hosts(*robot)); !restarted)

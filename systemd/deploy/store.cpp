@@ -4,10 +4,11 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/file.h>
+#include <sys/sendfile.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <array>
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -18,6 +19,7 @@
 
 #include "config/hash.hpp"
 #include "config/load.hpp"
+#include "config/sha256.hpp"
 
 namespace takt::deploy {
 namespace {
@@ -51,10 +53,21 @@ Done write_file(const std::string& path, const std::string& text) {
   return readable_by_all(path);
 }
 
+// A regular file and no link to one: who wrote the robot file may not have read it, and everybody reads the copy.
 Done copy_file(const std::string& from, const std::string& to) {
-  std::error_code error;
-  fs::copy_file(from, to, fs::copy_options::overwrite_existing, error);
-  if (error) return cannot("copied to " + to, from, error.message());
+  constexpr std::size_t kPiece = std::size_t{1} << 30U;
+  const ipc::Descriptor source(::open(from.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+  if (!source.is_open() && errno == ELOOP)
+    return std::unexpected(fmt::format("{} is a link: name the file that it points to, or copy that here", from));
+  struct stat status {};
+  if (!source.is_open() || ::fstat(source.get(), &status) != 0) return cannot("read", from, std::strerror(errno));
+  if (!S_ISREG(status.st_mode)) return std::unexpected(fmt::format("{} is not a regular file", from));
+  const ipc::Descriptor copy(::open(to.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0644));
+  if (!copy.is_open()) return cannot("written", to, std::strerror(errno));
+  ssize_t moved = 0;
+  while ((moved = ::sendfile(copy.get(), source.get(), nullptr, kPiece)) > 0) {
+  }
+  if (moved < 0) return cannot("copied to " + to, from, std::strerror(errno));
   return readable_by_all(to);
 }
 
@@ -80,7 +93,7 @@ Done copy_policy(const PolicyCopy& policy, const std::string& deployment) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) return cannot("made", folder, error.message());
-  if (auto done = readable_by_all(folder); !done) return done;
+  if (auto done = policy.folder.empty() ? Done{} : readable_by_all(folder); !done) return done;
   for (const std::string& file : config::policy_files(policy.from)) {
     if (auto done = copy_file(file, folder + "/" + fs::path(file).filename().string()); !done) return done;
   }
@@ -116,6 +129,21 @@ std::string link_name(const std::string& link) {
   if (!fs::exists(link, error)) return {};
   const fs::path target = fs::read_symlink(link, error);
   return error ? std::string() : target.filename().string();
+}
+
+// A line for each file of a deployment, in the order of their names.
+std::expected<std::string, std::string> hashes_of(const std::string& deployment) {
+  std::vector<std::string> names;
+  for (const auto& entry : fs::recursive_directory_iterator(deployment))
+    if (entry.is_regular_file()) names.push_back(entry.path().lexically_relative(deployment));
+  std::ranges::sort(names);
+  std::string lines;
+  for (const std::string& name : names) {
+    const auto sha256 = config::file_sha256(deployment + "/" + name);
+    if (!sha256) return std::unexpected(fmt::format("{}/{} {}", deployment, name, sha256.error()));
+    lines += fmt::format("{}  {}\n", *sha256, name);
+  }
+  return lines;
 }
 
 // The first of several steps that fails.
@@ -170,6 +198,19 @@ std::expected<std::string, std::string> Store::robot_file(const std::string& nam
   return std::unexpected(fmt::format("{}/{} holds no robot file: `{}` was never deployed", deployments(), name, name));
 }
 
+Done Store::is_as_tried(const std::string& name) const {
+  const std::string folder = deployments() + "/" + name;
+  std::ifstream tried(folder + "/tried");
+  for (std::string line; std::getline(tried, line);) {
+    const std::size_t end = line.find("  ");
+    if (end == std::string::npos) return std::unexpected(fmt::format("{}/tried is damaged", folder));
+    const std::string file = folder + "/" + line.substr(end + 2);
+    if (config::file_sha256(file).value_or("") != line.substr(0, end))
+      return std::unexpected(fmt::format("{} is another than was tried: deploy the robot anew", file));
+  }
+  return {};
+}
+
 bool Store::is_proven(const std::string& name) const {
   return fs::exists(deployments() + "/" + name + "/proven");
 }
@@ -188,9 +229,9 @@ Done Store::fill(const std::string& staging, const Newcomer& newcomer) {
     stepped();
     return done;
   };
-  const std::string before = current();
+  const std::string before = current(), original = fs::canonical(newcomer.robot.file).string();  // named by a person
   return in_turn([&] { return stepping(write_file(staging + "/robot.yaml", copy->resolved)); },
-                 [&] { return stepping(copy_file(newcomer.robot.file, staging + "/original.yaml")); },
+                 [&] { return stepping(copy_file(original, staging + "/original.yaml")); },
                  [&] {
                    Done done;
                    for (const PolicyCopy& policy : policies)
@@ -204,11 +245,20 @@ Done Store::fill(const std::string& staging, const Newcomer& newcomer) {
                               ? stepping(write_file(staging + "/simulated", "takt-plant plays this robot\n"))
                               : Done{};
                  },
-                 [&] { return before.empty() ? Done{} : link("../" + before, staging + "/previous"); },
-                 [&] { return readable_by_all(staging); });
+                 [&] { return before.empty() ? Done{} : link("../" + before, staging + "/previous"); });
 }
 
-Done Store::add(const Newcomer& newcomer) {
+// What was tried is written down beside it.
+Done Store::try_copy(const std::string& staging, const TryOut& try_out) {
+  if (Done tried = try_out ? try_out(staging + "/robot.yaml") : Done{}; !tried) return tried;
+  const auto hashes = hashes_of(staging);
+  if (!hashes) return std::unexpected(hashes.error());
+  Done written = write_file(staging + "/tried", *hashes);
+  stepped();
+  return written;
+}
+
+Done Store::add(const Newcomer& newcomer, const TryOut& try_out) {
   const std::string folder = deployments() + "/" + newcomer.name;
   if (Done named = check_name(newcomer.name); !named) return named;
   if (fs::exists(folder)) return std::unexpected(fmt::format("{} exists already: choose another --name", folder));
@@ -216,12 +266,13 @@ Done Store::add(const Newcomer& newcomer) {
   for (const auto& entry : fs::directory_iterator(deployments(), error))
     if (entry.path().filename().string().starts_with(".staging-")) fs::remove_all(entry.path(), error);
   const std::string staging = deployments() + "/.staging-" + newcomer.name;
-  fs::create_directory(staging, error);
-  if (error) return cannot("made", staging, error.message());
+  if (::mkdir(staging.c_str(), S_IRWXU) != 0) return cannot("made", staging, std::strerror(errno));
   stepped();
-  if (const Done filled = fill(staging, newcomer); !filled) {
+  const Done ready = in_turn([&] { return fill(staging, newcomer); }, [&] { return try_copy(staging, try_out); },
+                             [&] { return readable_by_all(staging); });
+  if (!ready) {
     fs::remove_all(staging, error);
-    return filled;
+    return ready;
   }
   if (std::rename(staging.c_str(), folder.c_str()) != 0) return cannot("renamed", staging, std::strerror(errno));
   stepped();

@@ -11,9 +11,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
+#include <thread>
 
 #include "config/load.hpp"
 
@@ -181,6 +183,77 @@ TEST_F(Deployments, WhatCannotBeIsRefusedInOneSentence) {
   fs::remove(root_ + "/from/arm6_reach.onnx");
   EXPECT_FALSE(store.add(newcomer("two")));
   EXPECT_FALSE(fs::exists(this->store() + "/deployments/two"));
+}
+
+// Goal: what was tried is what is used, whatever becomes of the files meanwhile. Method: two policies change places by
+// renames all the while, each file whole at any time; the trial looks at the copy's hash.
+TEST_F(Deployments, WhatIsTriedIsWhatIsUsed) {
+  constexpr int kTimes = 50;
+  const std::string policy = root_ + "/from/arm6_reach.onnx";
+  std::atomic<bool> ends = false;
+  std::thread changes([&] {
+    for (bool other = true; !ends; other = !other) {
+      fs::copy_file(other ? "config/arm6_visuomotor_reach.onnx" : "config/arm6_reach.onnx", policy + ".next",
+                    fs::copy_options::overwrite_existing);
+      fs::rename(policy + ".next", policy);
+    }
+  });
+  auto store = Store::open(this->store()).value();
+  int others = 0;
+  for (int i = 0; i < kTimes; ++i) {
+    std::uint64_t tried = 0;
+    const std::string name = "n" + std::to_string(i);
+    const auto added =
+        store.add(newcomer(name), [&](const std::string& robot_file) -> std::expected<void, std::string> {
+          tried = config::policy_hash(config::load(robot_file).value().policy->file).value();
+          return {};
+        });
+    ASSERT_TRUE(added) << added.error();
+    EXPECT_TRUE(store.is_as_tried(name)) << name;
+    const auto used = config::load(store.robot_file(name).value()).value();
+    EXPECT_EQ(config::policy_hash(used.policy->file).value(), tried) << name;
+    if (tried != config::policy_hash("config/arm6_reach.onnx").value()) ++others;
+  }
+  ends = true;
+  changes.join();
+  EXPECT_GT(others, 0) << "nothing changed meanwhile";
+  EXPECT_LT(others, kTimes) << "nothing changed meanwhile";
+}
+
+TEST_F(Deployments, WhatDoesNotStandTheTrialLeavesNothing) {
+  auto store = Store::open(this->store()).value();
+  std::string place;
+  const auto refused = store.add(newcomer("one"), [&](const std::string& robot_file) {
+    place = fs::path(robot_file).parent_path();
+    EXPECT_EQ(fs::status(place).permissions() & fs::perms::all, fs::perms::owner_all) << "not tried yet";
+    return std::expected<void, std::string>(std::unexpected("it falls"));
+  });
+  EXPECT_EQ(refused.error(), "it falls");
+  EXPECT_FALSE(fs::exists(place));
+  EXPECT_FALSE(fs::exists(this->store() + "/deployments/one"));
+}
+
+TEST_F(Deployments, AnEditAfterTheTrialIsNamed) {
+  deploy("one");
+  auto store = Store::open(this->store()).value();
+  EXPECT_TRUE(store.is_as_tried("one"));
+  std::ofstream(this->store() + "/deployments/one/arm6_reach.onnx", std::ios::app) << "more";
+  EXPECT_NE(store.is_as_tried("one").error().find("arm6_reach.onnx is another than was tried"), std::string::npos);
+}
+
+// Goal: a deployment, which everybody may read, holds nothing that only who deploys may read. Method: what stands in a
+// policy's place is a link, a pipe, a folder.
+TEST_F(Deployments, OnlyRegularFilesAreCopied) {
+  auto store = Store::open(this->store()).value();
+  const std::string weights = root_ + "/from/arm6_reach.onnx.data";
+  fs::create_symlink("/etc/shadow", weights);
+  EXPECT_NE(store.add(newcomer("one")).error().find("arm6_reach.onnx.data is a link"), std::string::npos);
+  fs::remove(weights);
+  ASSERT_EQ(mkfifo(weights.c_str(), 0600), 0);
+  EXPECT_NE(store.add(newcomer("one")).error().find("is not a regular file"), std::string::npos);
+  fs::remove(weights);
+  ASSERT_TRUE(store.add(newcomer("one")));
+  EXPECT_TRUE(store.is_as_tried("one"));
 }
 
 // Goal: a user who may read the store cannot block a deployment or the way back. Method: what everybody may open is
