@@ -434,13 +434,9 @@ std::vector<std::string> grant_options(const Grants& grants) {
   return options;
 }
 
-std::vector<std::string> go_behind_boundary(const Grants& grants) {
+std::vector<std::string> fence_in(const Grants& grants) {
   std::vector<std::string> gaps;
-  if (grants.everything) return gaps;
-  setsid();                                               // a terminal is nothing of its
-  close_range(kFirstOfOthers, ~0U, CLOSE_RANGE_CLOEXEC);  // nor what this process has open
   give_up_real_time();
-  leave_namespaces(grants, gaps);
   if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) gaps.emplace_back("it may gain rights by set-user-id programs");
   const long version = landlock_version();
   fence_files(grants, version, gaps);
@@ -448,6 +444,16 @@ std::vector<std::string> go_behind_boundary(const Grants& grants) {
     gaps.emplace_back(
         "it may trace, mount and change priorities: this kernel takes no seccomp filter "
         "(CONFIG_SECCOMP_FILTER)");
+  return gaps;
+}
+
+std::vector<std::string> go_behind_boundary(const Grants& grants) {
+  std::vector<std::string> gaps;
+  if (grants.everything) return gaps;
+  setsid();                                               // a terminal is nothing of its
+  close_range(kFirstOfOthers, ~0U, CLOSE_RANGE_CLOEXEC);  // nor what this process has open
+  leave_namespaces(grants, gaps);
+  for (std::string& gap : fence_in(grants)) gaps.push_back(std::move(gap));
   return gaps;
 }
 

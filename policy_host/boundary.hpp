@@ -41,4 +41,7 @@ std::vector<std::string> grant_options(const Grants& grants);
 // thread, which goes on as the policy, or becomes it.
 std::vector<std::string> go_behind_boundary(const Grants& grants);
 
+// The layers that need no namespaces, for a process under systemd, whose unit sees to the others.
+std::vector<std::string> fence_in(const Grants& grants);
+
 }  // namespace takt::policy_host

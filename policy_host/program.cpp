@@ -16,6 +16,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -23,6 +24,7 @@
 #include "config/paths.hpp"
 #include "executive/contract/version.hpp"
 #include "executive/log/program_log.hpp"
+#include "policy_host/boundary.hpp"
 #include "policy_host/fenced_load.hpp"
 #include "policy_host/host.hpp"
 #include "policy_host/host_faults.hpp"
@@ -33,6 +35,7 @@ namespace {
 
 constexpr int kExitUsage = 64;
 constexpr int kExitInternal = 70;
+constexpr std::string_view kFenced = "--fenced";
 
 std::atomic<bool> g_stop = false;
 static_assert(std::atomic<bool>::is_always_lock_free);
@@ -86,7 +89,7 @@ struct Options {
   std::string robot, runtime_directory;
   std::vector<std::string> faults;
   std::uint64_t fault_seed = 1;
-  bool fallback = false;
+  bool fallback = false, fenced = false;
   std::string candidate;  // file; empty: not one
 
   [[nodiscard]] Role role() const {
@@ -95,9 +98,22 @@ struct Options {
   }
 };
 
-int serve(const Options& options, std::vector<HostFaultWindow> faults, const LoadPolicy& load) {
+// A fence is one thread's and of what it starts, and libraries began threads before main(): so the program begins anew.
+int begin_fenced(const config::RobotConfig& robot, char** argv) {
+  if (const auto off = keep_off_processor(robot.control.cpu); !off) return refuse(off.error());
+  for (const std::string& gap : fence_in({})) spdlog::warn("{}", gap);
+  std::vector<char*> arguments;
+  for (; *argv != nullptr; ++argv)
+    if (std::string_view(*argv) != kFenced) arguments.push_back(*argv);
+  arguments.push_back(nullptr);
+  execv("/proc/self/exe", arguments.data());
+  return refuse(fmt::format("takt-policy-host: cannot begin anew: {}", std::strerror(errno)));
+}
+
+int serve(const Options& options, std::vector<HostFaultWindow> faults, const LoadPolicy& load, char** argv) {
   auto robot = config::load(options.robot);
   if (!robot) return refuse(robot.error());
+  if (options.fenced) return begin_fenced(*robot, argv);
   if (options.fallback) {
     const config::Fallback* const fallback = config::fallback_policy_of(*robot);
     if (fallback == nullptr)
@@ -139,6 +155,8 @@ int run_policy_host(int argc, char** argv, const LoadPolicy& load) {
                  "where the robot's sockets are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
   app.add_flag("--fallback", options.fallback,
                "be the robot's fallback policy (degraded.fallback), beside the host of its policy");
+  app.add_flag(std::string(kFenced), options.fenced,
+               "first give up files, signals to other processes and tracing, for a unit (docs/policies.md)");
   app.add_option("--candidate", options.candidate,
                  "be a candidate beside the robot's policy: another file for the same observation and action")
       ->excludes("--fallback");
@@ -167,7 +185,7 @@ int run_policy_host(int argc, char** argv, const LoadPolicy& load) {
                                                      : "policy-host");
   stop_on_signals();
   std::set_terminate(end_for_exception);
-  return serve(options, std::move(*faults), load);
+  return serve(options, std::move(*faults), load, argv);
 }
 
 }  // namespace takt::policy_host

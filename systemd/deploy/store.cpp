@@ -139,7 +139,7 @@ std::expected<std::string, std::string> hashes_of(const std::string& deployment)
   std::ranges::sort(names);
   std::string lines;
   for (const std::string& name : names) {
-    const auto sha256 = config::file_sha256(deployment + "/" + name);
+    const auto sha256 = config::file_sha256(fmt::format("{}/{}", deployment, name));
     if (!sha256) return std::unexpected(fmt::format("{}/{} {}", deployment, name, sha256.error()));
     lines += fmt::format("{}  {}\n", *sha256, name);
   }

@@ -23,7 +23,7 @@ DEMANDED = {
                                   "DevicePolicy=closed", "MemoryMax=", "CPUQuota=", "ProtectSystem=strict"],
     "takt-policy-host-fallback@.service": ["User=takt-policy", "PrivateNetwork=yes", "RestrictAddressFamilies=AF_UNIX",
                                            "DevicePolicy=closed", "MemoryMax=", "CPUQuota=", "ProtectSystem=strict",
-                                           "ExecStart=/usr/bin/takt-policy-host --fallback ", "SuccessExitStatus=65"],
+                                           "ExecStart=/usr/bin/takt-policy-host --fenced --fallback ", "SuccessExitStatus=65"],
     # A restart of takt.target, as `takt deploy` does it, applies a new file's bit rates and control core.
     "takt-can@.service": ["After=sys-subsystem-net-devices-%i.device takt-irq-affinity.service\n", "PartOf=takt.target\n",
                           "Before=takt-executive.service\n"],

@@ -43,14 +43,15 @@ class Engines : public testing::Test {
     std::ofstream(directory_.path("robot.yaml")) << text;
   }
   // For the host at `odd`.
-  pid_t start(const std::string& engine, const std::string& odd = "", const std::string& file = "arm6_reach.onnx") {
+  pid_t start(const std::string& engine, const std::string& odd = "", const std::string& file = "arm6_reach.onnx",
+              const char* more = nullptr) {
     write_robot(engine, file);
     const pid_t pid = fork();
     if (pid != 0) return pid;
     if (freopen(said_.c_str(), "w", stderr) == nullptr) _exit(126);
     setenv("TAKT_ODD_ENGINE", odd.c_str(), 1);
     execl(TAKT_POLICY_HOST, "takt-policy-host", "--robot", directory_.path("robot.yaml").c_str(), "--runtime-dir",
-          directory_.path().c_str(), nullptr);
+          directory_.path().c_str(), more, nullptr);
     _exit(127);
   }
   static int wait_for(pid_t pid) {
@@ -117,6 +118,29 @@ TEST_F(Engines, AGoodPluginIsWaitedWith) {
   ASSERT_TRUE(waits(pid)) << text_of(said_);
   ends(pid);
   EXPECT_NE(text_of(said_).find("engine: odd; 0 threads of its own"), std::string::npos) << text_of(said_);
+}
+
+// Goal: under systemd the host of a policy ends, reads and writes nothing of another host's, the fallback policy's,
+// though both are one user's. Method: a plugin that tries, in a host as the units start it, and in one without.
+TEST_F(Engines, AFencedOneReachesNoOtherProcessOfItsUser) {
+  const pid_t victim = fork();
+  if (victim == 0) {
+    pause();
+    _exit(0);
+  }
+  setenv("TAKT_ODD_VICTIM", std::to_string(victim).c_str(), 1);
+  const pid_t fenced = start(odd_, "attacks", "arm6_reach.onnx", "--fenced");
+  EXPECT_TRUE(waits(fenced)) << text_of(said_);
+  ends(fenced);
+  EXPECT_NE(text_of(said_).find("signal refused, memory refused, file refused"), std::string::npos) << text_of(said_);
+  std::filesystem::remove(said_);
+  const pid_t open = start(odd_, "attacks");
+  EXPECT_TRUE(waits(open)) << text_of(said_);
+  ends(open);
+  EXPECT_NE(text_of(said_).find("signal sent, memory open, file made"), std::string::npos) << text_of(said_);
+  std::filesystem::remove("takt-odd-file");
+  kill(victim, SIGKILL);
+  waitpid(victim, nullptr, 0);
 }
 
 // Goal: no thread that an engine starts may run on the executive's processor, not even one that widens its own mask.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /* An engine that does what TAKT_ODD_ENGINE says, wrong in one way each; unset: sums its inputs, as a good one would. */
 #define _GNU_SOURCE
+#include <fcntl.h>
 #include <pthread.h>
 #include <sched.h>
 #include <signal.h>
@@ -38,6 +39,16 @@ static void ask_for_all(void) {
   fprintf(stderr, "odd engine: sched_setaffinity %s\n", refused ? "refused" : "done");
 }
 
+/* What another process of this user's, TAKT_ODD_VICTIM, is not to suffer. */
+static void attack(void) {
+  const char* const victim = getenv("TAKT_ODD_VICTIM");
+  char path[64];
+  snprintf(path, sizeof path, "/proc/%s/mem", victim);
+  fprintf(stderr, "odd engine: signal %s, ", kill(atoi(victim), SIGWINCH) ? "refused" : "sent");
+  fprintf(stderr, "memory %s, ", open(path, O_RDWR | O_CLOEXEC) < 0 ? "refused" : "open");
+  fprintf(stderr, "file %s\n", open("takt-odd-file", O_WRONLY | O_CREAT | O_CLOEXEC, 0600) < 0 ? "refused" : "made");
+}
+
 static void* wait_for_work(void* unused) {
   for (;;) pause();
   return unused;
@@ -61,6 +72,7 @@ static struct takt_engine_network* open_network(const struct takt_engine_setup* 
     for (int i = 0; i < 2; ++i) pthread_create(&thread, NULL, spread, NULL);
   }
   if (told("asks")) ask_for_all();
+  if (told("attacks")) attack();
   const int crowd = told("crowds") ? 12 : told("has a driver") ? 9 : 0;
   for (int i = 0; i < crowd; ++i) {
     pthread_t thread;
