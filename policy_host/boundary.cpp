@@ -18,6 +18,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstddef>
@@ -225,8 +226,6 @@ void fence_files(const Grants& grants, long version, std::vector<std::string>& g
       gaps.emplace_back(fmt::format("it may not write {}: {}", folder, std::strerror(errno)));
   if (syscall(SYS_landlock_restrict_self, ruleset, 0) != 0) gaps.emplace_back(kNone);
   close(ruleset);
-  if (version < kLeastForTruncate)
-    gaps.emplace_back("it may empty files: this kernel's Landlock is older than Linux 6.2");
 }
 
 // No policy needs any of them.
@@ -282,7 +281,7 @@ constexpr std::array kForbidden{
     __NR_flock,
 };
 // They change a file's mode, owner, times or attributes, of which landlock(7) says nothing.
-constexpr int kChangeModeAt = 452;  // fchmodat2; the distribution's headers are older
+constexpr int kChangeModeAt = 452, kOpenAt2 = 437;  // fchmodat2 and openat2; the distribution's headers are older
 constexpr std::array kForbiddenOnFiles{
     kChangeModeAt, __NR_fchmod,    __NR_fchmodat,  __NR_fchown,      __NR_fchownat,     __NR_utimensat,
     __NR_setxattr, __NR_lsetxattr, __NR_fsetxattr, __NR_removexattr, __NR_lremovexattr, __NR_fremovexattr,
@@ -356,6 +355,11 @@ class Filter {
     add({jump(BPF_JMP | BPF_JEQ | BPF_K, static_cast<std::uint32_t>(call), 0, 4), load_argument(0),
          jump(BPF_JMP | BPF_JSET | BPF_K, bits, 0, 1), kRefuse, kLoadCall});
   }
+  // With `value` in these bits of that argument.
+  void forbid_masked(int call, std::uint32_t argument, std::uint32_t bits, std::uint32_t value) {
+    add({jump(BPF_JMP | BPF_JEQ | BPF_K, static_cast<std::uint32_t>(call), 0, 5), load_argument(argument),
+         statement(BPF_ALU | BPF_AND | BPF_K, bits), jump(BPF_JMP | BPF_JEQ | BPF_K, value, 0, 1), kRefuse, kLoadCall});
+  }
   void forbid(const ByArgument& rule) {
     judge(rule, kRefuse);
     add({kLoadCall});
@@ -382,8 +386,22 @@ class Filter {
   std::vector<sock_filter> program_;
 };
 
-bool fence_calls(bool scoped) {
+// Files are emptied by name, and by being opened, be it for reading.
+void forbid_emptying(Filter& filter) {
+  constexpr std::uint32_t kBits = O_TRUNC | O_ACCMODE, kEmpties = O_TRUNC | O_RDONLY;
+  filter.forbid(__NR_truncate);
+  filter.forbid(kOpenAt2, ENOSYS);  // its flags cannot be seen; openat() is asked then
+  filter.forbid_masked(__NR_openat, 2, kBits, kEmpties);
+#if defined(__x86_64__)
+  filter.forbid_masked(__NR_open, 1, kBits, kEmpties);
+#endif
+}
+
+// `landlock`: the version of which fence_files() made use.
+bool fence_calls(long landlock) {
+  const bool scoped = landlock >= kLeastForScopes;
   Filter filter;
+  if (landlock < kLeastForTruncate) forbid_emptying(filter);
   for (const int call : kForbidden) filter.forbid(call);
   for (const int call : kForbiddenOnFiles) filter.forbid(call);
   for (const int call : kForbiddenOldForms) filter.forbid(call);
@@ -434,13 +452,13 @@ std::vector<std::string> grant_options(const Grants& grants) {
   return options;
 }
 
-std::vector<std::string> fence_in(const Grants& grants) {
+std::vector<std::string> fence_in(const Grants& grants, long landlock_at_most) {
   std::vector<std::string> gaps;
   give_up_real_time();
   if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) gaps.emplace_back("it may gain rights by set-user-id programs");
-  const long version = landlock_version();
+  const long version = std::min(landlock_version(), landlock_at_most);
   fence_files(grants, version, gaps);
-  if (!fence_calls(version >= kLeastForScopes))
+  if (!fence_calls(version))
     gaps.emplace_back(
         "it may trace, mount and change priorities: this kernel takes no seccomp filter "
         "(CONFIG_SECCOMP_FILTER)");

@@ -20,6 +20,7 @@
 #pragma once
 
 #include <expected>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -41,7 +42,8 @@ std::vector<std::string> grant_options(const Grants& grants);
 // thread, which goes on as the policy, or becomes it.
 std::vector<std::string> go_behind_boundary(const Grants& grants);
 
-// The layers that need no namespaces, for a process under systemd, whose unit sees to the others.
-std::vector<std::string> fence_in(const Grants& grants);
+// The layers that need no namespaces, for a process under systemd, whose unit sees to the others. `landlock_at_most`:
+// as a kernel has them whose Landlock is of this version; 0: without it.
+std::vector<std::string> fence_in(const Grants& grants, long landlock_at_most = std::numeric_limits<long>::max());
 
 }  // namespace takt::policy_host
