@@ -243,6 +243,7 @@ TEST_F(Cli, ConfigCheckLooksForThePolicyFile) {
 
 // Goal: no file that a robot file names is waited for. Method: a FIFO in the place of each; the time limit is what
 // fails.
+// Threat: robot-file-pipe
 TEST_F(Cli, ConfigCheckWaitsForNoFifo) {
   shell("mkfifo " + in("fifo"));
   const auto checked = [&](const std::string& key, const std::string& path, const std::string& more = "") {

@@ -384,6 +384,7 @@ TEST(Load, ABinaryFileIsRefusedInOneLine) {
 
 // What stands in a file is printed: a value with an escape sequence may not get as far as a terminal, nor may the
 // complaint about it.
+// Threat: robot-file-terminal
 TEST(Load, NothingInAFileMovesTheCursor) {
   for (const char* value : {"\"small\\e[2J\"", "\"small\\x9b2J\"",
                             "small\xC2\x9b"
@@ -417,6 +418,7 @@ TEST(Load, FileThatCannotBeReadSaysWhy) {
   EXPECT_EQ(parse("- 1\n", "r").error(), "r:1:1: holds no robot; begin with `schema: takt.robot/1`");
 }
 
+// Threat: robot-file
 TEST(Load, DeepNestingIsRefusedNotRecursedInto) {
   const auto robot = parse(std::string(100'000, '['), "r");
   ASSERT_FALSE(robot.has_value());

@@ -359,6 +359,7 @@ def trials_of(said):
     return said["conditions"][0]["trials"]
 
 
+# Threat: artifact-edited
 def main():
     source, programs, make_recorded_demo = (pathlib.Path(argument).resolve() for argument in sys.argv[1:4])
     with tempfile.TemporaryDirectory(prefix="takt-forged.") as made:

@@ -183,6 +183,7 @@ def check_run(made, keys, make_recorded_demo):
     call(VERIFIER, folder, "--key", public)
 
 
+# Threat: run-edited
 def main():
     with tempfile.TemporaryDirectory(prefix="takt-verify.") as temporary:
         made = pathlib.Path(temporary)

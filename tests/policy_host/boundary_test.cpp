@@ -62,6 +62,7 @@ class Boundary : public testing::Test {
   const std::string file_ = testing::TempDir() + "takt-fenced-" + std::to_string(getpid());
 };
 
+// Threat: policy-old-kernel
 TEST_F(Boundary, HoldsWithEveryVersionOfLandlock) {
   for (const long landlock : {1, 2, 3, 5, 6, 7}) EXPECT_EQ(done_behind(landlock), 0) << landlock;
   EXPECT_EQ(fs::file_size(file_), 8U);

@@ -279,6 +279,7 @@ TEST_F(DdsTest, RequestsArmAndStopWhereTheFileAllowsThem) {
 }
 
 // The namesake is another vendor's participant that tells the same robot's name and another machine's.
+// Threat: dds-namesake
 TEST_F(DdsTest, ARequestWithoutAMachineArmsNoneOfTwoNamesakes) {
   start(true);
   FastDdsPeer namesake(domain_of_this_test());
@@ -311,6 +312,7 @@ TEST_F(DdsTest, ARequestWithoutAMachineArmsNoneOfTwoNamesakes) {
   })) << (told ? told->request_answer : "no answer");
 }
 
+// Threat: dds-request
 TEST_F(DdsTest, RequestsFindNobodyWhereTheFileDoesNotAllowThem) {
   start(false);
   peer_->offer(kRequest, "takt_msgs::msg::dds_::Request_");

@@ -103,6 +103,7 @@ def judge(record, tries, behaviours, machine):
     return wrong
 
 
+# Threat: policy-server
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("source", type=lambda text: pathlib.Path(text).resolve())

@@ -232,6 +232,7 @@ class Boundary(PythonRig):
         found = dict(re.findall(r"^attempt: (.*?): (got through|refused.*)$", log, re.M))
         return done, found, log
 
+    # Threat: policy-as-operator
     def test_nothing_gets_through(self):
         done, found, log = self.outcomes()
         self.assertEqual(len(found), ATTEMPTS, log)
@@ -243,6 +244,7 @@ class Boundary(PythonRig):
         self.assertEqual(left_behind(), [])
         print("\n".join(f"{name}: {said}" for name, said in found.items()))
 
+    # Threat: policy-grants
     def test_what_is_granted_works_and_no_more(self):
         (self.folder / "out").mkdir()
         _, found, log = self.outcomes("network", "write=out")

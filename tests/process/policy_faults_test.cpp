@@ -119,6 +119,7 @@ TEST(MonitorFaults, KilledMonitorStopsTheRobotAndMayComeBack) {
 
 // Goal: who closes the terminal ends the recorder as the supervisor does: the run folder is whole. Method: SIGHUP,
 // while the robot moves.
+// Threat: terminal
 TEST(MonitorFaults, ATerminalThatIsClosedLeavesAWholeFolder) {
   RunningRobot robot;
   const Child policy = robot.start_policy_host();
@@ -130,6 +131,7 @@ TEST(MonitorFaults, ATerminalThatIsClosedLeavesAWholeFolder) {
 }
 
 // Stopped, not killed: its connection stays, its words end. What the tick ring holds meanwhile is recorded later.
+// Threat: monitor-frozen
 TEST(MonitorFaults, AFrozenMonitorStopsTheRobotAndNoTickIsLost) {
   RunningRobot robot;
   const Child policy = robot.start_policy_host();
@@ -188,6 +190,7 @@ struct Lie {
 
 class LyingPolicy : public testing::TestWithParam<Lie> {};
 
+// Threat: policy-lies
 TEST_P(LyingPolicy, IsNamedAndTheRobotStops) {
   const Lie& lie = GetParam();
   RunningRobot robot;
@@ -219,6 +222,7 @@ INSTANTIATE_TEST_SUITE_P(EveryLie, LyingPolicy,
 
 // 82 KB and more than one message per tick for some 2000 ticks: what was recorded before is still there, every tick can
 // be judged, and the folder has not grown by what was refused.
+// Threat: policy-floods
 TEST(LyingPolicy, AFloodOfRefusedMessagesErasesNoEvidence) {
   RunningRobot robot;
   const Child rogue = robot.start_rogue("flood", "2 s");

@@ -156,6 +156,7 @@ TEST_F(ModelSurveyTest, ATransmissionsJointHasNoLimits) {
 }
 
 // Goal: no text of a model ends the program or takes long. Method: the kinds that once did, a megabyte each.
+// Threat: model-file
 TEST_F(ModelSurveyTest, AHostileTextIsRefusedAndNothingEnds) {
   const std::string megabyte(1'000'000, 'a'), blanks(1'000'000, ' ');
   std::string tags, quotes;

@@ -115,6 +115,7 @@ TEST_F(PolicyPlaceTest, IsNotStartedWhereItCouldOnlyRunThere) {
       << text_of(in("log"));
 }
 
+// Threat: policy-log
 TEST_F(PolicyPlaceTest, ItsLogHasABudgetAndSaysWhatWasDropped) {
   constexpr std::uintmax_t kSaid_bytes = 20'000'000;
   std::ofstream(in("policy.py")) << "#!/bin/sh\nhead -c " << kSaid_bytes << " /dev/zero | tr '\\0' x\nexit 3\n";

@@ -118,6 +118,7 @@ TEST(PolicyProcess, OneThatDoesNotFitIsRefusedBeforeAnythingRolls) {
   EXPECT_FALSE(host.begin(test::arm(), test::setup().policy_hash)) << "takt-policy-host knows no virtual time";
 }
 
+// Threat: policy-leaves-process
 TEST(PolicyProcess, IsBehindTheBoundaryAndLeavesNoProcess) {
   const std::filesystem::path file =
       std::filesystem::path(testing::TempDir()) / ("takt-touched." + std::to_string(getpid()));

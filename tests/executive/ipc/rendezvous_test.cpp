@@ -106,6 +106,7 @@ TEST_F(Rendezvous, ReplacesADeadServersSocketButRespectsALiveOne) {
 
 // Goal: whoever may open the directory keeps no server from starting. Method: the directory is locked, as a process of
 // the policy's group could do it for ever; the lock in use is its owner's alone.
+// Threat: user-locks-robot
 TEST_F(Rendezvous, ALockOnTheDirectoryKeepsNoServerFromStarting) {
   std::filesystem::create_directories(directory_ / "run/arm");
   const Descriptor held(open((directory_ / "run/arm").c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
@@ -223,6 +224,7 @@ TEST_F(Rendezvous, OwnersRefusalReachesTheClient) {
   EXPECT_EQ(server.stopped().holder(Role::policy), nullptr);
 }
 
+// Threat: user-talks
 TEST_F(Rendezvous, MalformedHellosAreRefusedWithASentenceAndCounted) {
   ServerThread server(path_, admit_all());
   const auto refused = [&](const void* what, std::size_t bytes, const char* because) {
@@ -347,6 +349,7 @@ TEST_F(Rendezvous, AMonitorSaysHowFarItHasRecorded) {
 }
 
 // As many viewers as there may be: one more is told so, and whoever matters more still gets in.
+// Threat: user-crowds
 TEST_F(Rendezvous, ViewersAreBoundedAndKeepNobodyElseOut) {
   Handlers handlers = admit_all();
   handlers.request = [](const Peer&, const OperatorMessage&) { return OperatorReply{}; };
@@ -457,6 +460,7 @@ TEST_F(Rendezvous, EvictionEndsTheLeaseAtOnce) {
   EXPECT_TRUE(is_over(*lease));
 }
 
+// Threat: user-connects
 TEST_F(Rendezvous, OtherUsersAreRefused) {
   if (geteuid() != 0) GTEST_SKIP() << "SKIPPED: only root can connect as another user";
   const ServerThread server(path_, admit_all());
@@ -470,6 +474,7 @@ TEST_F(Rendezvous, OtherUsersAreRefused) {
 }
 
 // The policy's own user lends a policy and reads sensors; it neither asks nor records.
+// Threat: policy-user
 TEST_F(Rendezvous, ThePolicysUserMayOnlyBeAPolicy) {
   if (geteuid() != 0) GTEST_SKIP() << "SKIPPED: only root can connect as another user";
   const ServerThread server(path_, admit_all(), geteuid(), kPolicyUser);

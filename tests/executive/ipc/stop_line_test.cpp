@@ -40,6 +40,7 @@ TEST_F(StopLineTest, EachStopCrosses) {
   }
 }
 
+// Threat: user-stop-line
 TEST_F(StopLineTest, WhatIsNoStopIsPassedOver) {
   StopLine line = StopLine::listen(path()).value();
   OperatorMessage arm;

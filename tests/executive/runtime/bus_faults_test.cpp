@@ -158,6 +158,7 @@ TEST(BusFaults, FloodedIsMoreThanOurDrivesCanSay) {
 }
 
 // The executive's filters let its own command ids in, which nobody else may use.
+// Threat: rival-frames
 TEST(BusFaults, ARivalControllerShowsAsForeignFrames) {
   const std::string directory = testing::TempDir() + "takt_rival";
   std::filesystem::remove_all(directory);

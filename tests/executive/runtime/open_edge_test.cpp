@@ -57,6 +57,7 @@ class OpenEdgeTest : public testing::Test {
   config::RobotConfig robot_ = config::load("config/arm6.yaml").value();
 };
 
+// Threat: second-controller
 TEST_F(OpenEdgeTest, ASecondControllerIsHeardBeforeTheFirstFrame) {
   const SimulatedDrives drives(robot_, directory_);
   const std::size_t last = robot_.joints.size() - 1;

@@ -31,6 +31,7 @@ TEST_F(ReplacedFile, HasTheNewTextAndNothingIsLeftBeside) {
   EXPECT_EQ(entry.st_mode & 0777U, 0644U);
 }
 
+// Threat: run-links
 TEST_F(ReplacedFile, NoLinkInItsPlaceLeadsToAnotherFile) {
   ASSERT_TRUE(replace_file(path("mine"), "mine"));
   std::filesystem::create_symlink(path("mine"), path("metrics.json"));
@@ -62,6 +63,7 @@ TEST_F(ReplacedFile, APipeIsWrittenToAndOneWithoutAReaderIsRefused) {
 }
 
 // What a stranger's folder has in the place of a file may never end, or never begin.
+// Threat: run-pipe
 TEST_F(ReplacedFile, NoPipeFolderOrLinkToADeviceIsRead) {
   ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
   std::filesystem::create_symlink("/dev/zero", path("zero"));

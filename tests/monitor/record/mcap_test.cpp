@@ -82,6 +82,7 @@ TEST_F(McapTest, CutAnywhereItGivesBackEveryWholeChunk) {
 }
 
 // Whatever byte is wrong, no message comes back altered: the checks inside read() would see it.
+// Threat: run-damaged
 TEST_F(McapTest, ADamagedByteNeverAltersAMessage) {
   record();
   const auto size = std::filesystem::file_size(file_);

@@ -304,6 +304,7 @@ TEST_F(RecorderTest, AKernelLimitStopsRecordingWithADeclaredLoss) {
 }
 
 // A disk that is really full: the reserve makes room for the closing words.
+// Threat: disk-full
 TEST_F(RecorderTest, AFullDiskStopsRecordingWithADeclaredLoss) {
   const std::string disk = path("disk");
   std::filesystem::create_directory(disk);
@@ -337,6 +338,7 @@ INSTANTIATE_TEST_SUITE_P(OfEveryFile, RefusingMedium, testing::Values("ticks.mca
 
 // Goal: a robot does not move on while its record goes where no reader finds it. Method: another program deletes,
 // renames, replaces or cuts each file, and renames the folder, while the recorder writes; it stops and says so.
+// Threat: run-taken
 TEST_F(RecorderTest, AFileThatIsTakenAwayStopsRecording) {
   namespace fs = std::filesystem;
   const std::pair<const char*, std::function<void(const std::string&)>> deeds[] = {

@@ -121,6 +121,7 @@ TEST(OtlpSender, TriesAgainWhenTheReceiverHangsUp) {
 
 // Goal: a receiver cannot fill the monitor's memory. Method: it answers with a body, and with headers, without end,
 // until the sender hangs up; what it took is bounded by the sockets' buffers, and the request counts as refused.
+// Threat: otlp-answer
 TEST(OtlpSender, HangsUpOnAnAnswerWithoutEnd) {
   for (const std::string endless : {"HTTP/1.1 200 OK\r\nContent-Length: 1000000000\r\n\r\n", "HTTP/1.1 200 OK\r\n"}) {
     const int listener = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);

@@ -98,6 +98,7 @@ TEST_F(Scrapes, WhatIsNoGetOfThePageIsRefused) {
 }
 
 // A body, a line and headers without end: the server hangs up after 8 KiB; what left more filled the sockets' buffers.
+// Threat: metrics-request
 TEST_F(Scrapes, ARequestWithoutEndIsCutOff) {
   constexpr std::size_t kFarTooMuch = std::size_t{100} << 20U;
   for (const std::string& begin : {std::string("POST /metrics HTTP/1.1\r\nContent-Length: 600000000\r\n\r\n"),
@@ -111,6 +112,7 @@ TEST_F(Scrapes, ARequestWithoutEndIsCutOff) {
   }
 }
 
+// Threat: metrics-slow
 TEST_F(Scrapes, SlowNeighboursDoNotShutAScraperOut) {
   std::vector<ipc::Descriptor> slow;
   for (std::size_t i = 0; i < 3 * kMostConnections; ++i) {

@@ -85,6 +85,7 @@ class Engines : public testing::Test {
   const std::string odd_ = "name: " TAKT_ODD_ENGINE_FILE;
 };
 
+// Threat: policy-load
 TEST_F(Engines, APluginThatDoesWrongIsRefusedInOneLine) {
   struct Case {
     const char *odd, *said;
@@ -122,6 +123,7 @@ TEST_F(Engines, AGoodPluginIsWaitedWith) {
 
 // Goal: under systemd the host of a policy ends, reads and writes nothing of another host's, the fallback policy's,
 // though both are one user's. Method: a plugin that tries, in a host as the units start it, and in one without.
+// Threat: policy-fallback
 TEST_F(Engines, AFencedOneReachesNoOtherProcessOfItsUser) {
   const pid_t victim = fork();
   if (victim == 0) {
@@ -145,6 +147,7 @@ TEST_F(Engines, AFencedOneReachesNoOtherProcessOfItsUser) {
 
 // Goal: no thread that an engine starts may run on the executive's processor, not even one that widens its own mask.
 // Method: threads of the plugin ask for all processors; the kernel's own list of every thread is read from outside.
+// Threat: policy-processor
 TEST_F(Engines, NoThreadGetsOntoTheExecutivesProcessor) {
   constexpr int kControlCpu = 1;  // of the demo robot
   cpu_set_t mine;

@@ -105,6 +105,7 @@ std::string refusal_of_bytes(const std::string& bytes) {
 // Goal: a small file cannot ask for gigabytes: an empty message takes two bytes in it, and hundreds in memory. Method:
 // four megabytes of what is emptiest in each kind of message; ModelProto.graph is 7; of a graph node 1, initializer 5,
 // value_info 13; of a node input 1, attribute 5; of an attribute ints 8.
+// Threat: policy-file
 TEST(Refusal, MessagesThatWouldFillMemoryAreNotBuilt) {
   constexpr std::size_t size = std::size_t{4} << 20U;
   const auto in_graph = [](const std::string& inside) { return delimited(7, inside); };
@@ -209,6 +210,7 @@ TEST_F(ExternalData, IsReadWhereTheModelSaysAndItsHashIsTold) {
   EXPECT_EQ(file.sha256, "8deb90668ea3a6845d5c04454798ccb63829a88ff827892f2dc11c808baac7af");
 }
 
+// Threat: policy-file-data
 TEST_F(ExternalData, IsReadFromNoFileThatThePolicysHashDoesNotCover) {
   for (const std::string location :
        {"../outside.data", "weights.data", "./policy.onnx.data", "sub/../policy.onnx.data", ""}) {

@@ -187,6 +187,7 @@ TEST_F(Deployments, WhatCannotBeIsRefusedInOneSentence) {
 
 // Goal: what was tried is what is used, whatever becomes of the files meanwhile. Method: two policies change places by
 // renames all the while, each file whole at any time; the trial looks at the copy's hash.
+// Threat: deploy-race
 TEST_F(Deployments, WhatIsTriedIsWhatIsUsed) {
   constexpr int kTimes = 50;
   const std::string policy = root_ + "/from/arm6_reach.onnx";
@@ -243,6 +244,7 @@ TEST_F(Deployments, AnEditAfterTheTrialIsNamed) {
 
 // Goal: a deployment, which everybody may read, holds nothing that only who deploys may read. Method: what stands in a
 // policy's place is a link, a pipe, a folder.
+// Threat: deploy-links
 TEST_F(Deployments, OnlyRegularFilesAreCopied) {
   auto store = Store::open(this->store()).value();
   const std::string weights = root_ + "/from/arm6_reach.onnx.data";
@@ -258,6 +260,7 @@ TEST_F(Deployments, OnlyRegularFilesAreCopied) {
 
 // Goal: a user who may read the store cannot block a deployment or the way back. Method: what everybody may open is
 // locked, as `flock -s` does it; the store's own lock is its owner's alone.
+// Threat: user-locks-store
 TEST_F(Deployments, ALockThatAnyUserMayHoldBlocksNothing) {
   deploy("one");
   for (const std::string& folder : {store(), store() + "/deployments", store() + "/deployments/one"}) {
