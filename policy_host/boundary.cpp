@@ -4,9 +4,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <glob.h>
-#include <linux/audit.h>
 #include <linux/capability.h>
-#include <linux/filter.h>
 #include <linux/seccomp.h>
 #include <sched.h>
 #include <sys/ioctl.h>
@@ -29,15 +27,10 @@
 #include <functional>
 #include <sstream>
 
+#include "policy_host/seccomp_program.hpp"
+
 namespace takt::policy_host {
 namespace {
-
-#if defined(__x86_64__)
-constexpr std::uint32_t kArchitecture = AUDIT_ARCH_X86_64;
-#elif defined(__aarch64__)
-constexpr std::uint32_t kArchitecture = AUDIT_ARCH_AARCH64;
-#endif
-constexpr std::uint32_t kX32Bit = 0x40000000;  // the same calls by other numbers, x86-64
 
 // landlock(7); the distribution's headers are older than the kernels that Takt runs on.
 struct LandlockRuleset {
@@ -320,13 +313,6 @@ std::vector<ByArgument> refused_only() {
   return {{__NR_ioctl, 1, {TIOCSTI, TIOCLINUX, FIOSETOWN, SIOCSPGRP}},
           {__NR_fcntl, 1, {F_SETLEASE, F_SETOWN, F_SETOWN_EX}},
           {__NR_setpriority, 0, {PRIO_USER}}};
-}
-
-constexpr sock_filter statement(std::uint32_t code, std::uint32_t value) {
-  return {static_cast<std::uint16_t>(code), 0, 0, value};
-}
-constexpr sock_filter jump(std::uint32_t code, std::uint32_t value, std::uint8_t if_true, std::uint8_t if_false) {
-  return {static_cast<std::uint16_t>(code), if_true, if_false, value};
 }
 
 constexpr sock_filter refuse_with(std::uint32_t error) {

@@ -2,8 +2,6 @@
 #include "policy_host/processor_fence.hpp"
 
 #include <fmt/format.h>
-#include <linux/audit.h>
-#include <linux/filter.h>
 #include <linux/seccomp.h>
 #include <sched.h>
 #include <sys/prctl.h>
@@ -19,15 +17,10 @@
 #include <fstream>
 #include <vector>
 
+#include "policy_host/seccomp_program.hpp"
+
 namespace takt::policy_host {
 namespace {
-
-#if defined(__x86_64__)
-constexpr std::uint32_t kArchitecture = AUDIT_ARCH_X86_64;
-#elif defined(__aarch64__)
-constexpr std::uint32_t kArchitecture = AUDIT_ARCH_AARCH64;
-#endif
-constexpr std::uint32_t kX32Bit = 0x40000000;  // the same calls by other numbers, x86-64
 
 std::vector<pid_t> threads_of_this_process() {
   std::vector<pid_t> threads;
@@ -60,13 +53,6 @@ bool take_off(pid_t thread, int cpu) {
   if (!CPU_ISSET(static_cast<unsigned>(cpu), &mask)) return true;
   CPU_CLR(static_cast<unsigned>(cpu), &mask);
   return sched_setaffinity(thread, sizeof mask, &mask) == 0;
-}
-
-constexpr sock_filter statement(std::uint32_t code, std::uint32_t value) {
-  return {static_cast<std::uint16_t>(code), 0, 0, value};
-}
-constexpr sock_filter jump(std::uint32_t code, std::uint32_t value, std::uint8_t if_true, std::uint8_t if_false) {
-  return {static_cast<std::uint16_t>(code), if_true, if_false, value};
 }
 
 bool forbid_affinity() {
