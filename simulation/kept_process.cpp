@@ -37,6 +37,17 @@ pid_t first_child() {
   return static_cast<pid_t>(std::strtol(text.data(), nullptr, 10));
 }
 
+// Orphans that have ended are taken along. `status`: the shell's.
+bool has_ended(pid_t shell, int& status) {
+  int of_one = 0;
+  for (pid_t pid = ::waitpid(-1, &of_one, WNOHANG); pid > 0; pid = ::waitpid(-1, &of_one, WNOHANG)) {
+    if (pid != shell) continue;
+    status = of_one;
+    return true;
+  }
+  return false;
+}
+
 // In a child of ours: a shell's children do not die with it, nor it with us. This one does, and takes the group along.
 // Ends as the command does, or when it is told to. After a fork: calls that are safe in signal handlers only.
 [[noreturn]] void keep(const std::string& command, const std::function<void()>& before, pid_t parent) {
@@ -54,8 +65,8 @@ pid_t first_child() {
   if (shell == 0) run_shell(command, before, signals);
   ::setpgid(shell, shell);   // whoever of the two comes first
   ::close_range(3, ~0U, 0);  // our connections end with us, and not with this copy of them
-  int status = 0, signal = 0;
-  while (signal != SIGTERM && ::waitpid(shell, &status, WNOHANG) == 0) signal = ::sigwaitinfo(&signals, nullptr);
+  int status = 0;
+  for (int signal = 0; signal != SIGTERM && !has_ended(shell, status);) signal = ::sigwaitinfo(&signals, nullptr);
   ::kill(-shell, SIGKILL);
   // All of the group is gone when this process is: what it held, the next command may take.
   int of_group = 0;

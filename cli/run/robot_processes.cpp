@@ -174,6 +174,21 @@ ChildProcess* RobotProcesses::find(ProcessName process) {
   return child ? &*child : nullptr;
 }
 
+bool RobotProcesses::is_known(pid_t pid) const {
+  return std::ranges::any_of(children_, [pid](const auto& child) { return child && child->pid() == pid; });
+}
+
+// One of ours that has ended is for its ChildProcess to see; the call after that goes on.
+void RobotProcesses::reap_orphans() {
+  constexpr int kAtOnce = 1000;
+  for (int i = 0; i < kAtOnce; ++i) {
+    siginfo_t ended{};
+    if (waitid(P_ALL, 0, &ended, WEXITED | WNOHANG | WNOWAIT) != 0 || ended.si_pid == 0 || is_known(ended.si_pid))
+      return;
+    waitpid(ended.si_pid, nullptr, 0);
+  }
+}
+
 // It became this process's child, and is in a policy's user namespace still.
 void RobotProcesses::end_left_behind() {
   constexpr int kRounds = 100;  // each may leave others behind
@@ -181,9 +196,7 @@ void RobotProcesses::end_left_behind() {
     std::ifstream children(fmt::format("/proc/self/task/{}/children", getpid()));
     bool any = false;
     for (pid_t pid = 0; children >> pid;) {
-      const bool is_known =
-          std::ranges::any_of(children_, [pid](const auto& child) { return child && child->pid() == pid; });
-      if (is_known || ipc::user_namespace_of(pid) != ipc::UserNamespace::another) continue;
+      if (is_known(pid) || ipc::user_namespace_of(pid) != ipc::UserNamespace::another) continue;
       kill(pid, SIGKILL);
       any = waitpid(pid, nullptr, 0) == pid;
     }

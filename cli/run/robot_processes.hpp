@@ -43,6 +43,9 @@ class RobotProcesses {
   [[nodiscard]] bool is_ready(ProcessName process, const std::optional<StatusSnapshot>& status) const;
   // nullptr: never started.
   [[nodiscard]] ChildProcess* find(ProcessName process);
+  // What a policy started and left, and what has ended since. Called often: it would stay in the process table for
+  // good.
+  void reap_orphans();
   // The executive first (damped stop), then policy host, plant, and the monitor last, so that it records the end.
   void end_all();
   // Log files move into the run folder, if there is one; returns the folder they are in now.
@@ -55,6 +58,7 @@ class RobotProcesses {
   [[nodiscard]] std::string log_directory() const;
   [[nodiscard]] std::string path_of(ProcessName process) const;
   void end_left_behind();
+  [[nodiscard]] bool is_known(pid_t pid) const;
   [[nodiscard]] policy_host::Grants granted_to(const std::string& program) const;
   const config::RobotConfig& robot_;
   const RobotPlace& place_;

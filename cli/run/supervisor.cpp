@@ -343,6 +343,7 @@ Supervisor::Outcome Supervisor::judge_progress(const StatusSnapshot& status) {
 }
 
 Supervisor::Outcome Supervisor::look_after_children() {
+  processes_.reap_orphans();
   for (const ProcessName process : processes_.wanted()) {
     ChildProcess* child = processes_.find(process);
     if (!child || child->alive() || !ready_at_) continue;

@@ -201,6 +201,31 @@ with takt.connect("robot.yaml", spec) as robot:
 """
 ATTEMPTS = HOSTILE.count("    yield ")
 
+# A child's child becomes one of `takt run` when its parent has ended.
+ORPHANS = r"""
+import os, pathlib, subprocess
+import takt
+
+def ended_and_kept():
+    states = []
+    for entry in pathlib.Path("/proc").glob("[0-9]*/stat"):
+        try:
+            states.append(entry.read_text().rpartition(")")[2].split()[:2])
+        except OSError:
+            pass
+    return sum(state == "Z" and int(parent) == os.getppid() for state, parent in states)
+
+spec = takt.Policy(observation={"q": takt.joints("q"), "dq": takt.joints("dq"), "target": takt.stream("target", 3)}, action=takt.chunk("q", steps=16, step="10 ms"))
+with takt.connect("robot.yaml", spec) as robot:
+    for number, obs in enumerate(robot):
+        with obs.infer():
+            pass
+        obs.publish(q=[list(robot.home)] * 16)
+        if number < 40:
+            subprocess.run(["sh", "-c", "sleep 0.01 &"])
+        print(f"kept: {ended_and_kept()}", flush=True)
+"""
+
 
 def left_behind():
     return subprocess.run(["pgrep", "-f", f"sleep {MARK}"], capture_output=True, text=True, check=False).stdout.split()
@@ -243,6 +268,13 @@ class Boundary(PythonRig):
         self.assertNotIn("warning: takt-policy-host", done.stdout + done.stderr)
         self.assertEqual(left_behind(), [])
         print("\n".join(f"{name}: {said}" for name, said in found.items()))
+
+    def test_what_it_left_and_has_ended_leaves_the_process_table(self):
+        self.policy(ORPHANS)
+        done, _, log = self.outcomes()
+        kept = [int(count) for count in re.findall(r"^kept: (\d+)$", log, re.M)]
+        self.assertGreater(len(kept), 60, done.stdout + done.stderr + log)
+        self.assertLess(min(kept[50:]), 5, kept)
 
     # Threat: policy-grants
     def test_what_is_granted_works_and_no_more(self):
