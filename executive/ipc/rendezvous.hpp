@@ -42,7 +42,7 @@ struct Peer {
   Hello hello;    // claims; program is zero-terminated and printable
   pid_t pid = 0;  // SO_PEERCRED: what the kernel says, not what the peer claims
   uid_t uid = 0;
-  bool confined = false;  // behind a policy's boundary: whoever its user is, it is no more than the policy's
+  bool confined = false;  // behind a policy's boundary: it has a policy's rights, whichever its user is
 };
 
 // What the server's owner answers to an admissible Hello.

@@ -95,7 +95,7 @@ Done copy_policy(const PolicyCopy& policy, const std::string& deployment) {
   if (error) return cannot("made", folder, error.message());
   if (auto done = policy.folder.empty() ? Done{} : readable_by_all(folder); !done) return done;
   for (const std::string& file : config::policy_files(policy.from)) {
-    if (auto done = copy_file(file, folder + "/" + fs::path(file).filename().string()); !done) return done;
+    if (auto done = copy_file(file, (fs::path(folder) / fs::path(file).filename()).string()); !done) return done;
   }
   return {};
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: a fenced process ends no other, empties and makes no file, and takes nobody's class, whatever version of
-// Landlock its kernel has. Method: a child behind the fence of each version tries; what it got done is its exit code.
+// Goal: a fenced process ends no other, empties and makes no file, and changes no other's scheduling class, with every
+// version of Landlock. Method: a child behind the fence of each version tries; what it got done is its exit code.
 #include "policy_host/boundary.hpp"
 
 #include <fcntl.h>
