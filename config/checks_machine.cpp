@@ -14,26 +14,31 @@
 namespace takt::config {
 namespace {
 
-constexpr std::uint32_t kDamiaoRegisterId = 0x7FF;
+constexpr std::uint32_t kDamiaoRegisterId = 0x7FF, kHighestRobstrideId = 0x7F;
 
 std::string joint_path(std::size_t index, std::string_view key) {
   return fmt::format("joints[{}].{}", index, key);
 }
 
-// Which drive sent a reply is told by the reply's id and by the id bits inside it: 4 for damiao, 8 for tmotor.
+// Which drive sent a reply is told by the reply's id and by the id bits inside it: 4 for damiao, 8 for the others.
 bool replies_are_told_apart(const Drive& a, const Drive& b) {
   const std::uint32_t mask = a.variant == "damiao" || b.variant == "damiao" ? 0xFU : 0xFFU;
   return a.reply_id != b.reply_id || (a.id & mask) != (b.id & mask);
 }
 
+// A RobStride takes bits 8 to 10 of an id for a mode, and obeys in each.
+bool obeys(const Drive& drive, std::uint32_t id) {
+  return (drive.variant == "robstride" ? id & 0xFFU : id) == drive.id;
+}
+
 void check_mit_pair(const Joint& a, const Joint& b, std::size_t i, const std::string& bus, Checker& checker) {
   const std::string id = joint_path(i, "drive.id");
   checker.require(
-      a.drive.id != b.drive.id, id,
+      !obeys(a.drive, b.drive.id) && !obeys(b.drive, a.drive.id), id,
       fmt::format("CAN id 0x{:x} is already {}'s on bus {}; give each drive its own", a.drive.id, b.name, bus));
-  checker.require(a.drive.id != b.drive.reply_id, id,
+  checker.require(!obeys(a.drive, b.drive.reply_id), id,
                   fmt::format("CAN id 0x{:x} is {}'s reply_id on bus {}; choose another", a.drive.id, b.name, bus));
-  checker.require(a.drive.reply_id != b.drive.id, joint_path(i, "drive.reply_id"),
+  checker.require(!obeys(b.drive, a.drive.reply_id), joint_path(i, "drive.reply_id"),
                   fmt::format("CAN id 0x{:x} is {}'s id on bus {}; choose another", a.drive.reply_id, b.name, bus));
   checker.require(a.drive.id == b.drive.id || replies_are_told_apart(a.drive, b.drive), joint_path(i, "drive.reply_id"),
                   fmt::format("replies of {} and {} on bus {} cannot be told apart; give each its own reply_id", b.name,
@@ -101,8 +106,11 @@ void check_drive(const Joint& joint, const Bus& bus, std::size_t i, Checker& che
   checker.require(preset == nullptr || preset->variant == drive.variant, joint_path(i, "drive.variant"),
                   fmt::format("{} is no {} drive: correct variant or model", drive.model, drive.variant));
   // A T-Motor drive may reply with the id that it hears.
-  checker.require(drive.id != drive.reply_id || drive.variant == "tmotor", joint_path(i, "drive.reply_id"),
+  checker.require(!obeys(drive, drive.reply_id) || drive.variant == "tmotor", joint_path(i, "drive.reply_id"),
                   fmt::format("0x{:x} is the drive's own id; choose another", drive.reply_id));
+  checker.require(
+      drive.variant != "robstride" || drive.id <= kHighestRobstrideId, joint_path(i, "drive.id"),
+      fmt::format("is at most 0x{:x} of a RobStride, which takes higher bits for a mode", kHighestRobstrideId));
   if (drive.variant == "damiao")
     checker.require(drive.id != kDamiaoRegisterId && drive.reply_id != kDamiaoRegisterId, joint_path(i, "drive.id"),
                     "0x7FF is the register channel of damiao drives; choose another");

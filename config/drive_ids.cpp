@@ -18,6 +18,8 @@ std::vector<IdPattern> each_of(std::initializer_list<std::uint32_t> ids) {
 
 DriveIds of_mit(const Drive& drive) {
   DriveIds ids{each_of({drive.id}), {}, each_of({drive.reply_id}), {}};
+  // Bits 8 to 10 are a mode, bits 0 to 7 its number: it obeys them all.
+  if (drive.variant == "robstride") ids.commands = {{drive.id, 0xFF, false}};
   if (drive.variant == "damiao") ids.broadcasts = each_of({kDamiaoRegisters});
   if (drive.variant == "tmotor") ids.betrayals = {{kAkV3Feedback | drive.id, 0x1FFF'FFFF, true}};
   return ids;

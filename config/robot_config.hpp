@@ -162,7 +162,7 @@ struct Drive {
   std::string model;  // empty when the ranges are given in full
   double position_range = 0, velocity_range = 0, kp_range = 0, kd_range = 0;
   // mit
-  std::string variant;  // "tmotor" (6-byte reply) | "damiao" (8-byte reply)
+  std::string variant;  // "tmotor" (6-byte reply) | "damiao" (8-byte reply) | "robstride" (8-byte reply)
   std::uint32_t reply_id = 0;
   // damiao: bit/s of the data phase of CAN FD, in which commands and replies come; 0: classic frames
   std::uint32_t fd_bitrate = 0;

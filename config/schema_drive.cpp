@@ -12,7 +12,7 @@ namespace takt::config {
 namespace {
 
 constexpr std::array<std::string_view, 5> kProtocols{"mit", "robstride", "odrive", "moteus", "cia402"};
-constexpr std::array<std::string_view, 2> kVariants{"tmotor", "damiao"};
+constexpr std::array<std::string_view, 3> kVariants{"tmotor", "damiao", "robstride"};
 constexpr std::array<std::string_view, 3> kCia402Modes{"csp", "csv", "cst"};
 constexpr std::array<std::string_view, 4> kPositionsAfterPowerUp{"absolute", "unknown", "one_of_several",
                                                                  "within_a_turn"};
@@ -108,14 +108,16 @@ void describe_packed_ranges(Fields& fields, Drive& drive) {
 // be either, a person says it: a joint that stands elsewhere than it is taken to has no limits.
 void describe_position_after_power_up(Fields& fields, Drive& drive) {
   std::optional<std::string_view> otherwise;
-  if (drive.variant == "damiao" || drive.protocol == DriveProtocol::robstride) otherwise = "within_a_turn";
+  if (drive.variant == "damiao" || drive.variant == "robstride" || drive.protocol == DriveProtocol::robstride)
+    otherwise = "within_a_turn";
   if (fields.shows_all()) otherwise = "the protocol's";
-  fields.choice({"position_after_power_up",
-                 "all but moteus, what a reading is worth after power-on: absolute, the joint's angle; within_a_turn, "
-                 "right but for whole turns; one_of_several, but for smaller steps; unknown, nothing. In doubt, `takt "
-                 "joint home` comes before arming. mit (damiao), robstride: within_a_turn; the others: required",
-                 otherwise},
-                drive.position_after_power_up, kPositionsAfterPowerUp);
+  fields.choice(
+      {"position_after_power_up",
+       "all but moteus, what a reading is worth after power-on: absolute, the joint's angle; within_a_turn, "
+       "right but for whole turns; one_of_several, but for smaller steps; unknown, nothing. In doubt, `takt "
+       "joint home` comes before arming. mit (damiao, robstride), robstride: within_a_turn; the others: required",
+       otherwise},
+      drive.position_after_power_up, kPositionsAfterPowerUp);
   if (drive.position_after_power_up == PositionAfterPowerUp::one_of_several || fields.shows_all())
     fields.integer({"places_per_turn",
                     "one_of_several: how many places of a whole turn of the joint the drive cannot tell apart (AK80-9: "
@@ -153,7 +155,10 @@ void describe_drive(Fields& fields, Drive& drive) {
   if (!fields.choice({"protocol", "what the drive speaks"}, drive.protocol, kProtocols)) return fields.leave_the_rest();
   const Speaks speaks(fields, drive.protocol);
   if (speaks.any_of({DriveProtocol::mit}))
-    fields.one_of({"variant", "mit: tmotor replies with 6 bytes, damiao with 8"}, drive.variant, kVariants, "variant");
+    fields.one_of(
+        {"variant",
+         "mit: tmotor replies with 6 bytes, damiao with 8; robstride, one that was switched to this protocol"},
+        drive.variant, kVariants, "variant");
   fields.integer({"id", "mit: CAN id of commands; the others: the drive's number on the bus"}, drive.id,
                  drive.protocol == DriveProtocol::odrive ? 0 : 1, highest_id(drive.protocol));
   if (speaks.any_of({DriveProtocol::mit}))

@@ -41,6 +41,7 @@ MitDevice::MitDevice(const config::Drive& drive, Duration watchdog)
     : id_(drive.id),
       reply_id_(drive.reply_id),
       damiao_(drive.variant == "damiao"),
+      robstride_(drive.variant == "robstride"),
       fd_(drive.fd_bitrate != 0),
       kp_range_(drive.kp_range),
       kd_range_(drive.kd_range),
@@ -100,6 +101,8 @@ void MitDevice::obey(const drivers::CanFrame& frame, MonoTime now) {
     obey_special(last, now);
     return;
   }
+  constexpr std::uint64_t kSixFf = kSevenFf >> 8U;
+  if (robstride_ && bits(word, 0, 48) == kSixFf) return;  // another mode, protocol or number
   if (!obeys_motion()) return;
   command_ = unpack(word);
   commanded_at_ = now;
@@ -230,13 +233,22 @@ void MitDevice::report(Frames& out) const {
   const std::uint64_t fields = squeeze(said.position, 16, spans.position) << 24U |
                                squeeze(said.velocity, 12, spans.velocity) << 12U |
                                squeeze(said.torque, 12, spans.torque);
-  drivers::CanFrame& frame = reply(out, damiao_ ? 8 : 6);
+  drivers::CanFrame& frame = reply(out, damiao_ || robstride_ ? 8 : 6);
   const std::uint32_t first = damiao_ ? (id_ & 0xFU) | std::uint32_t{status()} << 4U : id_;
   frame.data[0] = static_cast<std::uint8_t>(first);
   for (unsigned i = 0; i < 5; ++i) frame.data[1 + i] = static_cast<std::uint8_t>(fields >> (32 - 8 * i) & 0xFFU);
+  add_temperatures(frame);
+}
+
+void MitDevice::add_temperatures(drivers::CanFrame& frame) const {
   if (damiao_) {
     frame.data[6] = whole_degrees(winding_.stage_C());
     frame.data[7] = whole_degrees(winding_.winding_C());
+  }
+  if (robstride_) {
+    const auto tenths = static_cast<std::uint32_t>(std::clamp(10 * winding_.winding_C(), 0.0, 2000.0));
+    frame.data[6] = static_cast<std::uint8_t>(tenths >> 8U);
+    frame.data[7] = static_cast<std::uint8_t>(tenths & 0xFFU);
   }
 }
 

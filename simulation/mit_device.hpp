@@ -5,9 +5,11 @@
 // code are special: FC enters motor mode, FD leaves it, FE makes the present position zero, FB clears an error
 // (Damiao). Enabled, the torque is kp (p - q) + kd (v - dq) + t; Damiao reports its state as 0 disabled, 1 enabled,
 // D lost, else an error's code. A T-Motor drive has no word for them in its 6 bytes; there FD and FC bring a lost one
-// back. The watchdog counts motion commands only. A Damiao drive has registers besides (damiao_register_file.hpp),
-// which hold what its fields span, its control mode and its watchdog's time: it obeys motion commands in mode 1 only.
-// With its supply it forgets of its place what position_after_power_up says; the zero that was set stays.
+// back. A RobStride tells no state either, has 8 bytes (the last two a temperature in 0.1 deg C), and takes six FF for
+// special, of which the seventh byte may say more. The watchdog counts motion commands only. A Damiao drive has
+// registers besides (damiao_register_file.hpp), which hold what its fields span, its control mode and its watchdog's
+// time: it obeys motion commands in mode 1 only. With its supply it forgets of its place what position_after_power_up
+// says; the zero that was set stays.
 #pragma once
 
 #include "simulation/damiao_register_file.hpp"
@@ -39,10 +41,11 @@ class MitDevice final : public Device {
   [[nodiscard]] bool is_for_us(const drivers::CanFrame& frame) const;
   drivers::CanFrame& reply(Frames& out, std::uint8_t length) const;  // its bytes are zero
   void report(Frames& out) const;
+  void add_temperatures(drivers::CanFrame& frame) const;
   [[nodiscard]] std::uint8_t status() const;
 
   std::uint32_t id_, reply_id_;
-  bool damiao_, fd_;
+  bool damiao_, robstride_, fd_;
   double kp_range_, kd_range_, torque_range_;
   config::PositionAfterPowerUp worth_;
   double place_step_;  // rad, between places that its encoder cannot tell apart after power-on, if there are such
@@ -55,7 +58,7 @@ class MitDevice final : public Device {
   bool knows_place_ = false;  // since power-on
   double torque_ = 0;
   Winding winding_;
-  DamiaoRegisterFile registers_;  // a T-Motor drive's never change
+  DamiaoRegisterFile registers_;  // the others' never change
 };
 
 }  // namespace takt::plant

@@ -15,7 +15,7 @@ using config::DriveProtocol;
 constexpr float kSteps12 = 4095, kSteps16 = 65535;
 // One step lost by truncation, and a little for the float32 arithmetic before it.
 constexpr float kOneStep = 1.1F;
-// A saturated mit command loses one more step of damping, so that it cannot be taken for a special frame.
+// A saturated mit command loses one more step of stiffness, so that it cannot be taken for a special frame.
 constexpr float kTwoSteps = 2.1F;
 constexpr float kFloatRounding = 1e-6F;  // of a float32 after a handful of operations on either side of the wire
 
@@ -53,8 +53,8 @@ Motion across_gear(const Motion& motor, float ratio) {
 Motion packed_steps(const JointFacts& facts, float gain_steps, float value_steps) {
   const Motion& range = facts.range;
   return across_gear(
-      {kOneStep * 2 * range.q / kSteps16, kOneStep * 2 * range.dq / value_steps, kOneStep * range.kp / gain_steps,
-       kTwoSteps * range.kd / gain_steps, kOneStep * 2 * range.tau / value_steps},
+      {kOneStep * 2 * range.q / kSteps16, kOneStep * 2 * range.dq / value_steps, kTwoSteps * range.kp / gain_steps,
+       kOneStep * range.kd / gain_steps, kOneStep * 2 * range.tau / value_steps},
       facts.ratio);
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sources: bgkatz/motorcontrol Core/Src/can.c (unpack_cmd: p16 v12 kp12 kd12 t12, big-endian; seven FF and FC, FD, FE);
-// enactic/openarm_can dm_motor_control.cpp (FB; registers on 7FF).
+// enactic/openarm_can dm_motor_control.cpp (FB; registers on 7FF); the maker's manual of RS00, MIT protocol (six FF).
 #include <algorithm>
 
 #include "drivers/guard/decoders.hpp"
@@ -42,7 +42,8 @@ Demand read_mit(const JointFacts& facts, const CanFrame& frame) noexcept {
   if (facts.damiao && frame.id == kRegisterId) return read_register_frame(facts, frame);
   if (frame.id != facts.id) return {};
   const std::uint8_t* const b = frame.data;
-  if (std::all_of(b, b + 7, [](std::uint8_t byte) { return byte == 0xFF; })) return read_special(facts, b[7]);
+  if (std::all_of(b, b + 6, [](std::uint8_t byte) { return byte == 0xFF; }))
+    return b[6] == 0xFF ? read_special(facts, b[7]) : Demand{};  // a RobStride's mode, protocol or number
   constexpr float k16 = 65535, k12 = 4095;
   const std::uint32_t v = std::uint32_t{b[2]} << 4U | b[3] >> 4U;
   const std::uint32_t kp = (b[3] & 0xFU) << 8U | b[4];

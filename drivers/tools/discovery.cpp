@@ -64,9 +64,7 @@ std::optional<Found> read_mit(const CanFrame& frame) {
   if (!frame.extended && !frame.fd && frame.length == 6)
     return Found{frame.data[0], "T-Motor reply on " + hex(frame.id), kDisabled};
   if (is_robstride_reply(frame.data[0], frame))
-    return Found{.id = frame.data[0],
-                 .what = "speaks the MIT protocol of RobStride, which Takt does not",
-                 .other_protocol = "the MIT protocol of RobStride"};
+    return Found{frame.data[0], "RobStride in MIT protocol, replies on " + hex(frame.id), kDisabled};
   if (frame.extended || frame.length != 8 || frame.id == kDamiaoRegisters || frame.data[2] != kRead)
     return std::nullopt;
   const std::uint32_t id = frame.data[0] | static_cast<std::uint32_t>(frame.data[1]) << 8U;
@@ -192,7 +190,7 @@ std::vector<CanFrame> questions_to(config::DriveProtocol protocol, std::uint32_t
 std::vector<CanFrame> own_questions(const config::Drive& drive, const config::Bus& bus) {
   if (drive.protocol == config::DriveProtocol::odrive) return {odrive_get_version(drive.id)};
   if (drive.protocol != config::DriveProtocol::mit) return {};
-  if (drive.variant == "tmotor") {
+  if (drive.variant != "damiao") {
     CanFrame frame;
     frame.id = drive.id;
     frame.length = 8;
@@ -248,6 +246,7 @@ std::vector<CanFrame> zero_frames(const config::Drive& drive) {
   frame.length = 8;
   switch (drive.protocol) {
     case config::DriveProtocol::mit:
+      if (drive.variant == "robstride") return {};  // cannot be told to keep it, and loses it with its supply
       frame.id = drive.id;
       std::ranges::copy(encode_mit_special(MitSpecial::set_zero), frame.data);
       return {frame};

@@ -173,7 +173,7 @@ inline constexpr Refusal kRefusals[] = {
             "19:12: key `position_after_power_up` is missing in `joints[0].drive`; add it: all but moteus, what a "
             "reading is worth after power-on: absolute, the joint's angle; within_a_turn, right but for whole turns; "
             "one_of_several, but for smaller steps; unknown, nothing. In doubt, `takt joint home` comes before arming. "
-            "mit (damiao), robstride: within_a_turn; the others: required"},
+            "mit (damiao, robstride), robstride: within_a_turn; the others: required"},
     Refusal{"an unknown protocol", "protocol: mit, variant: tmotor, model", "protocol: mut, variant: tmotor, model",
             "19:24: joints[0].drive.protocol: protocol `mut` is not known; did you mean `mit`?"},
     Refusal{"a protocol that is not spoken", "protocol: mit, variant: tmotor, model",
@@ -182,6 +182,12 @@ inline constexpr Refusal kRefusals[] = {
             "moteus, cia402"},
     Refusal{"a drive of the other variant", "AK10-9", "DM6006",
             "19:38: joints[0].drive.variant: DM6006 is no tmotor drive: correct variant or model"},
+    Refusal{"a RobStride with a number that is a mode",
+            "drive: { protocol: mit, variant: tmotor, model: AK10-9, id: 1, reply_id: 0, position_after_power_up: "
+            "absolute }",
+            "drive: { protocol: mit, variant: robstride, id: 0x80, reply_id: 0xFD, position_range: 12.57 rad, "
+            "velocity_range: 33 rad/s, torque_range: 14 Nm, kp_range: 500 Nm/rad, kd_range: 5 Nms/rad }",
+            "19:53: joints[0].drive.id: is at most 0x7f of a RobStride, which takes higher bits for a mode"},
     Refusal{"an unknown joint in an order", "[knee, hip]", "[knee, hips]",
             "51:23: policy.joint_order: joint `hips` is not known; did you mean `hip`?"},
     Refusal{"a joint named twice in an order", "[knee, hip]", "[knee, knee]",

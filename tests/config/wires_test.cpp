@@ -107,6 +107,26 @@ TEST(Buses, SixteenAreAndSeventeenAreTooMany) {
   }
 }
 
+// A RobStride in MIT protocol takes the bits above its number for a mode: what another drive is sent, or answers with,
+// must not look like an order to it.
+TEST(Buses, NothingOnThemIsAnOrderToARobstrideInMitProtocol) {
+  const auto robot_with = [](std::string_view reply_id, std::string_view others_id, std::string_view others_reply) {
+    const std::string text = replaced(
+        std::string(kSmallRobot),
+        "{ protocol: mit, variant: tmotor, model: AK10-9, id: 1, reply_id: 0, position_after_power_up: absolute }",
+        "{ protocol: mit, variant: robstride, id: 1, reply_id: " + std::string(reply_id) +
+            ", position_range: 12.57 rad, velocity_range: 33 rad/s, torque_range: 14 Nm, kp_range: 500 Nm/rad, "
+            "kd_range: 5 Nms/rad }");
+    return replaced(text, "id: 0x02, reply_id: 0,",
+                    "id: " + std::string(others_id) + ", reply_id: " + std::string(others_reply) + ",");
+  };
+  EXPECT_EQ(complaint(robot_with("0xFD", "0x02", "0")), "");
+  EXPECT_EQ(complaint(robot_with("0xFD", "0x102", "0")), "");
+  EXPECT_TRUE(complains(robot_with("0xFD", "0x101", "0"), "CAN id 0x101 is already hip's on bus left"));
+  EXPECT_TRUE(complains(robot_with("0xFD", "0x02", "0x201"), "CAN id 0x201 is hip's id on bus left"));
+  EXPECT_TRUE(complains(robot_with("0x101", "0x02", "0"), "0x101 is the drive's own id"));
+}
+
 // --- CAN FD ---
 
 std::string damiao_on(std::string_view bus, std::string_view drive) {

@@ -73,6 +73,10 @@ inline Drive damiao() {
 inline Drive tmotor() {
   return with(packed(config::DriveProtocol::mit, "AK10-9", "tmotor"), kWaived);
 }
+// Its ranges stand in for those of the maker's table of that protocol.
+inline Drive robstride_in_mit() {
+  return with(packed(config::DriveProtocol::mit, "AK10-9", "robstride"), kWaived);
+}
 inline Drive robstride(const char* model = "RS03") {
   return packed(config::DriveProtocol::robstride, model);
 }
@@ -185,7 +189,7 @@ inline bool ak_v3_firmware(CanFrame& frame) {
 }
 
 // As the maker's manual of RS00 has it: 8 bytes, the last two its temperature in 0.1 deg C.
-inline std::function<bool(CanFrame&)> robstride_in_mit(unsigned tenths) {
+inline std::function<bool(CanFrame&)> replies_as_robstride(unsigned tenths) {
   return [tenths](CanFrame& frame) {
     if (frame.id == 0x13) {
       frame.length = 8;
@@ -236,12 +240,17 @@ inline const std::vector<Row>& rows() {
       {"t-motor without a waiver", with(tmotor(), [](Drive& d) { d.watchdog_waiver = "none"; }), as_delivered(),
        "does not tell its own time-out"},
       {"t-motor with V3 firmware", tmotor(), saying(ak_v3_firmware), "AK V3 firmware"},
-      {"robstride in mit protocol, the file says t-motor", tmotor(), saying(robstride_in_mit(250)), "RobStride in MIT"},
-      {"robstride in mit protocol at 25.9 deg C", tmotor(), saying(robstride_in_mit(259)), "RobStride in MIT"},
+      {"robstride in mit protocol, waived", robstride_in_mit(), as_delivered(), ""},
+      {"robstride in mit protocol without a waiver",
+       with(robstride_in_mit(), [](Drive& d) { d.watchdog_waiver = "none"; }), as_delivered(),
+       "does not tell its own time-out"},
+      {"robstride in mit protocol, the file says t-motor", tmotor(), saying(replies_as_robstride(250)),
+       "RobStride in MIT"},
+      {"robstride in mit protocol at 25.9 deg C", tmotor(), saying(replies_as_robstride(259)), "RobStride in MIT"},
       {"robstride in mit protocol, the file says damiao", damiao(),
        saying([](CanFrame& frame) { return !is_register(frame, 0x33, 10); }),
        "control mode (register 10); a RobStride in MIT protocol tells none"},
-      {"t-motor without a sensor of temperature", tmotor(), saying(robstride_in_mit(0)), ""},
+      {"t-motor without a sensor of temperature", tmotor(), saying(replies_as_robstride(0)), ""},
       {"t-motor that replies with the id that it hears", with(tmotor(), [](Drive& d) { d.reply_id = d.id; }),
        as_delivered(), ""},
       {"robstride, as the file says", robstride(), as_delivered(), ""},

@@ -51,7 +51,7 @@ MitPayload pack(std::uint32_t p, std::uint32_t v, std::uint32_t kp, std::uint32_
 }
 
 bool starts_like_special(const MitPayload& payload) noexcept {
-  return std::all_of(payload.begin(), payload.end() - 1, [](std::uint8_t byte) { return byte == 0xFF; });
+  return std::all_of(payload.begin(), payload.end() - 2, [](std::uint8_t byte) { return byte == 0xFF; });
 }
 
 }  // namespace
@@ -64,7 +64,7 @@ MitPayload encode_mit_command(const MitRange& range, const MitCommand& command) 
   const std::uint32_t kd = to_field(wanted.kd, 0, range.kd, 12);
   const std::uint32_t t = to_field(wanted.t, -range.t, range.t, 12);
   const MitPayload payload = pack(p, v, kp, kd, t);
-  return starts_like_special(payload) ? pack(p, v, kp, kd - 1, t) : payload;
+  return starts_like_special(payload) ? pack(p, v, kp - 1, kd, t) : payload;
 }
 
 MitPayload encode_mit_special(MitSpecial special) noexcept {
@@ -90,7 +90,7 @@ std::optional<MitReply> decode_mit_reply(const MitRange& range, MitVariant varia
                                          bool fd) noexcept {
   const bool plain = !frame.extended && frame.fd == fd && !frame.remote && !frame.error;
   const bool long_reply = frame.length == 8;
-  if (!plain || (!long_reply && (variant == MitVariant::damiao || frame.length != 6))) return std::nullopt;
+  if (!plain || (!long_reply && (variant != MitVariant::tmotor || frame.length != 6))) return std::nullopt;
   const std::uint8_t* data = frame.data;
   MitReply reply;
   reply.p = from_field(std::uint32_t{data[1]} << 8U | data[2], -range.p, range.p, 16);
@@ -107,6 +107,10 @@ std::optional<MitReply> decode_mit_reply(const MitRange& range, MitVariant varia
       reply.id = data[0];
       reply.temperature_C = long_reply ? static_cast<float>(data[6]) - kTmotorColdest_C : 0.0F;
       reply.status = long_reply ? data[7] : std::uint8_t{0};
+      break;
+    case MitVariant::robstride:
+      reply.id = data[0];
+      reply.temperature_C = static_cast<float>(static_cast<std::int16_t>(data[6] << 8U | data[7])) / 10;
       break;
   }
   return reply;

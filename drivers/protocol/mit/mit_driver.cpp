@@ -59,6 +59,8 @@ bool MitDriver::may_enable() const {
       return other_protocol_ticks_ == 0 && readback_.may_enable();
     case MitVariant::tmotor:
       return settings_.timeout.waived && other_protocol_ticks_ == 0;
+    case MitVariant::robstride:
+      return settings_.timeout.waived;
   }
   return false;
 }
@@ -70,6 +72,8 @@ std::uint32_t MitDriver::setup_error() const noexcept {
                                        : readback_.error_code();
     case MitVariant::tmotor:
       if (other_protocol_ticks_ > 0) return setup_fault_code(SetupFault::other_protocol, other_protocol_);
+      return settings_.timeout.waived ? 0 : setup_fault_code(SetupFault::watchdog_unknown);
+    case MitVariant::robstride:
       return settings_.timeout.waived ? 0 : setup_fault_code(SetupFault::watchdog_unknown);
   }
   return 0;
@@ -133,6 +137,8 @@ std::uint32_t MitDriver::other_protocol_of(const CanFrame& frame) const noexcept
     case MitVariant::tmotor:
       if (on_reply_id && is_robstride_reply(settings_.id, frame)) return kRobstrideInMit;
       return is_ak_v3_feedback(settings_.id, frame) ? kAkV3Feedback : 0;
+    case MitVariant::robstride:
+      return 0;
     case MitVariant::damiao: {
       constexpr std::uint32_t kIdBits = 0xF;
       const bool is_reply = on_reply_id && !frame.remote && !frame.error && frame.length == 8 &&
@@ -170,6 +176,7 @@ DriveState MitDriver::reported_state() const noexcept {
       if (status_ == kDamiaoDisabled) return DriveState::disabled;
       return status_ == kDamiaoEnabled ? DriveState::enabled : DriveState::fault;
     case MitVariant::tmotor:
+    case MitVariant::robstride:  // tells nothing of it: status 0
       if (status_ != 0) return DriveState::fault;
       if (!anything_sent_) return DriveState::unknown;
       return wish_ == Wish::disable ? DriveState::disabled : DriveState::enabled;
@@ -191,8 +198,10 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_mit_driver(const c
     settings.variant = MitVariant::damiao;
   else if (drive.variant == "tmotor")
     settings.variant = MitVariant::tmotor;
+  else if (drive.variant == "robstride")
+    settings.variant = MitVariant::robstride;
   else
-    return std::unexpected("mit variant '" + drive.variant + "' is unknown: write tmotor or damiao");
+    return std::unexpected("mit variant '" + drive.variant + "' is unknown: write tmotor, damiao or robstride");
   settings.range = {static_cast<float>(drive.position_range), static_cast<float>(drive.velocity_range),
                     static_cast<float>(drive.kp_range), static_cast<float>(drive.kd_range),
                     static_cast<float>(drive.torque_range)};
@@ -214,8 +223,10 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_mit_driver(const c
   const auto identity = words_of("identity", drive.identity, kDamiaoNumber);
   const auto firmware = words_of("firmware", drive.firmware, kDamiaoNumber);
   if (!identity || !firmware) return std::unexpected(identity ? firmware.error() : identity.error());
-  if (settings.variant == MitVariant::tmotor && identity->count + firmware->count != 0)
-    return std::unexpected("T-Motor drives tell neither identity nor firmware over CAN: remove the keys");
+  if (settings.variant != MitVariant::damiao && identity->count + firmware->count != 0)
+    return std::unexpected(
+        "T-Motor drives, and RobStride in MIT protocol, tell neither identity nor firmware over CAN: "
+        "remove the keys");
   if (identity->count != 0) settings.identity.serial_number = identity->word[0];
   if (firmware->count != 0) settings.identity.firmware = firmware->word[0];
   return std::make_unique<MitDriver>(settings);
@@ -244,14 +255,15 @@ std::string mit_error_name(const config::Drive& drive, std::uint32_t code) {
                ? "classic frames, not CAN FD: set the drive's bit rate (register 35), or drop fd_bitrate"
                : "CAN FD, not classic frames: write fd_bitrate, or set the drive's bit rate (register 35)";
   if (setting == kRobstrideInMit)
-    return "that of a RobStride in MIT protocol: switch it back to its own with the maker's tool, and write `protocol: "
-           "robstride`";
+    return "that of a RobStride in MIT protocol: write `variant: robstride`; or switch it back to its own protocol, "
+           "which tells more, with the maker's tool, and write `protocol: robstride`";
   if (setting != 0) {
     const bool tells_nothing = kind_of(code) == SetupFault::settings_unread &&
                                static_cast<DamiaoRegister>(setting) == DamiaoRegister::control_mode;
     return std::string(damiao_register_name(setting)) +
-           (tells_nothing ? "; a RobStride in MIT protocol tells none: write `protocol: robstride` for it" : "");
+           (tells_nothing ? "; a RobStride in MIT protocol tells none: write `variant: robstride` for it" : "");
   }
+  if (drive.variant == "robstride") return "";
   if (drive.variant == "tmotor") return code < kTmotor.size() ? kTmotor[code] : "";
   return code >= 8 && code - 8 < kDamiaoFrom8.size() ? kDamiaoFrom8[code - 8] : "";
 }

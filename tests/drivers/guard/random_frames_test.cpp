@@ -229,9 +229,12 @@ class Language {
   [[nodiscard]] Ask read_mit(const CanFrame& frame) const {
     if (frame.id != drive_.id) return {};
     const std::uint64_t bits = big(frame.data, 8);
-    if (bits >> 8U == 0xFF'FFFF'FFFF'FFFF) {
+    if (bits >> 16U == 0xFFFF'FFFF'FFFF) {
+      if ((bits >> 8U & 0xFFU) != 0xFF) return {.kind = Ask::Kind::setting};  // a RobStride's mode, protocol or number
       const std::uint64_t last = bits & 0xFFU;
-      return {.kind = last == 0xFC ? Ask::Kind::on : last == 0xFE ? Ask::Kind::setting : Ask::Kind::off};
+      return {.kind = last == 0xFC                   ? Ask::Kind::on
+                      : last == 0xFE || last == 0xFA ? Ask::Kind::setting
+                                                     : Ask::Kind::off};
     }
     return to_joint(field(bits >> 48U, drive_.position_range, 16),
                     field(bits >> 36U & 0xFFFU, drive_.velocity_range, 12),
@@ -490,8 +493,9 @@ class RandomFrames {
     };
     switch (drive.protocol) {
       case config::DriveProtocol::mit:
-        std::fill_n(frame.data, 7, std::uint8_t{0xFF});
-        frame.data[7] = pick({0xFB, 0xFC, 0xFD, 0xFE});
+        std::fill_n(frame.data, 6, std::uint8_t{0xFF});
+        frame.data[6] = pick({0xFF, 0xFF, 0xFF, 0x00, 0x02, 0xFD});
+        frame.data[7] = pick({0xFA, 0xFB, 0xFC, 0xFD, 0xFE});
         break;
       case config::DriveProtocol::robstride:
         frame.id = std::uint32_t{pick({3, 4, 6, 7, 18})} << 24U | drive.host_id << 8U | drive.id;

@@ -137,6 +137,8 @@ TEST(WireGuard, MitSpecialFrames) {
   EXPECT_EQ(hex(bench.left), "fffffffffffffffd") << "a joint that is to be disabled is disabled instead";
   EXPECT_EQ(bench.pass(2, "fffffffffffffffc"), allowed);
   EXPECT_EQ(bench.pass(2, "fffffffffffffffe"), unknown_frame) << "moves the zero";
+  EXPECT_EQ(bench.pass(2, "ffffffffffff02fd", off), unknown_frame) << "another protocol, to a RobStride";
+  EXPECT_EQ(bench.pass(2, "ffffffffffff01fc"), unknown_frame) << "another mode, to a RobStride";
   EXPECT_EQ(bench.pass(0x7FF, "0200330900000000"), allowed) << "reads a register";
   EXPECT_EQ(bench.pass(0x7FF, "0200550900000000"), unknown_frame) << "writes one";
   EXPECT_EQ(bench.pass(0x7FF, "0300330900000000"), unknown_frame) << "of another drive";

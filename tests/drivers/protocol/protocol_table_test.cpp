@@ -45,7 +45,7 @@ TEST(MakeDriver, RefusesWhatItCannotBuild) {
   };
   using config::Drive;
   EXPECT_EQ(refused_for([](Drive& d) { d.variant = "x"; }),
-            "joint elbow: mit variant 'x' is unknown: write tmotor or damiao");
+            "joint elbow: mit variant 'x' is unknown: write tmotor, damiao or robstride");
   EXPECT_NE(refused_for([](Drive& d) { d.torque_range = 0; }).find("ranges"), std::string::npos);
   EXPECT_NE(refused_for([](Drive& d) { d.id = 0x800; }).find("11-bit"), std::string::npos);
   EXPECT_NE(refused_for([](Drive& d) { d.direction = 2; }).find("direction"), std::string::npos);

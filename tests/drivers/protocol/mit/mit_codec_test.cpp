@@ -41,8 +41,8 @@ CanFrame frame_of(std::initializer_list<int> bytes) {
   return frame;
 }
 
-bool seven_ff(const MitPayload& payload) {
-  return std::all_of(payload.begin(), payload.end() - 1, [](std::uint8_t byte) { return byte == 0xFF; });
+bool six_ff(const MitPayload& payload) {
+  return std::all_of(payload.begin(), payload.end() - 2, [](std::uint8_t byte) { return byte == 0xFF; });
 }
 
 TEST(MitCodec, EncodesThePublishedVectors) {
@@ -78,7 +78,7 @@ TEST(MitCodec, ASaturatedCommandIsNeverASpecialFrame) {
   for (int code = 0xF00; code <= 0xFFF; ++code) {
     const float torque = (static_cast<float>(code) + 0.5F) * 2 * range.t / 4095.0F - range.t;
     const MitPayload payload = encode_mit_command(range, {1e9F, 1e9F, 1e9F, 1e9F, torque});
-    EXPECT_FALSE(seven_ff(payload)) << hex(payload);
+    EXPECT_FALSE(six_ff(payload)) << hex(payload);
     EXPECT_EQ(payload[7], std::min(code, 0xFFF) & 0xFF) << "torque itself is kept";
   }
 }
@@ -87,7 +87,7 @@ TEST(MitCodec, NeverASpecialFrameWhateverTheCommand) {
   EXPECT_TRUE(rc::check([](float p, float v, float kp, float kd, float t) {
     const auto extreme = [](float x) { return *rc::gen::element(x, 1e9F, -1e9F, 12.5F, 5.0F, 500.0F, 45.0F, 54.0F); };
     const MitCommand command{extreme(p), extreme(v), extreme(kp), extreme(kd), extreme(t)};
-    RC_ASSERT(!seven_ff(encode_mit_command(preset("DM8009"), command)));
+    RC_ASSERT(!six_ff(encode_mit_command(preset("DM8009"), command)));
   }));
 }
 
@@ -169,6 +169,24 @@ TEST(MitCodec, DecodesAnEightByteTMotorReply) {
   EXPECT_EQ(temperature(255), 215) << "no sign: the hottest, not one below freezing";
 }
 
+// The maker's manual of RS00, MIT protocol: the last two bytes are the temperature in 0.1 deg C.
+TEST(MitCodec, DecodesARobstrideReply) {
+  const MitRange rs00{12.57F, 33, 500, 5, 14};
+  const auto reply_at = [&rs00](int high, int low) {
+    return decode_mit_reply(rs00, MitVariant::robstride, frame_of({0x7F, 0x8A, 0x3C, 0x7A, 0xD8, 0x5E, high, low}));
+  };
+  const auto reply = reply_at(0x00, 0xFA);
+  ASSERT_TRUE(reply);
+  EXPECT_EQ(reply->id, 0x7F);
+  EXPECT_NEAR(reply->p, 1.0, 6e-3);
+  EXPECT_NEAR(reply->v, -1.32, 0.02);
+  EXPECT_NEAR(reply->t, 0.647, 0.007);
+  EXPECT_EQ(reply->status, 0);
+  EXPECT_EQ(reply->temperature_C, 25);
+  EXPECT_EQ(reply_at(0x01, 0x2C)->temperature_C, 30);
+  EXPECT_EQ(reply_at(0xFF, 0x9C)->temperature_C, -10) << "signed";
+}
+
 // The maker's AK manual: V3 firmware and servo mode report with 29-bit ids, 0x29 in front of the drive's number.
 TEST(MitCodec, KnowsTheOtherAkProtocolBySight) {
   CanFrame frame = frame_of({0x0A, 0x3C, 0x00, 0x10, 0x00, 0x20, 35, 0});
@@ -200,6 +218,7 @@ TEST(MitCodec, RefusesWhatIsNoReply) {
     CanFrame shorter = good;
     shorter.length = length;
     EXPECT_FALSE(decode_mit_reply(range, MitVariant::damiao, shorter)) << int{length};
+    EXPECT_FALSE(decode_mit_reply(range, MitVariant::robstride, shorter)) << int{length};
     EXPECT_EQ(decode_mit_reply(range, MitVariant::tmotor, shorter).has_value(), length == 6) << int{length};
   }
   for (bool CanFrame::*flag : {&CanFrame::extended, &CanFrame::fd, &CanFrame::remote, &CanFrame::error}) {
@@ -220,7 +239,8 @@ TEST(MitCodec, AMillionRandomFramesDecodeToNumbersInRangeOrNothing) {
     frame.length = static_cast<std::uint8_t>(shape % 65);
     frame.fd = frame.length > 8;
     frame.extended = (shape & 0x1000) != 0;
-    const auto variant = (shape & 0x2000) != 0 ? MitVariant::damiao : MitVariant::tmotor;
+    constexpr std::array kVariants{MitVariant::tmotor, MitVariant::damiao, MitVariant::robstride};
+    const auto variant = kVariants[(shape >> 13U) % kVariants.size()];
     const auto reply = decode_mit_reply(range, variant, frame);
     if (!reply) continue;
     ASSERT_LE(std::abs(reply->p), range.p * 1.0001F);

@@ -348,6 +348,27 @@ TEST(MitDriver, ATMotorDriveNeedsAWaiverSinceItTellsNoTimeout) {
   EXPECT_NE(error_name(drive, bench.driver.feedback().error_code).find("watchdog_waiver"), std::string::npos);
 }
 
+// It tells neither time-out nor state, and its frame for clearing an error is sent by no one: what it answered would
+// look like a reading.
+TEST(MitDriver, ARobstrideInMitProtocolNeedsAWaiverAndIsTakenForWhatItWasTold) {
+  MitDriveSettings settings = tmotor();
+  settings.variant = MitVariant::robstride;
+  Bench waived(settings);
+  EXPECT_EQ(waived.code_after_seven_ff(false), 0xFD);
+  waived.reply(4, 8);
+  EXPECT_EQ(waived.driver.feedback().drive_state, DriveState::disabled);
+  EXPECT_EQ(waived.code_after_seven_ff(true), 0xFC);
+  waived.reply(4, 8);
+  EXPECT_EQ(waived.driver.feedback().drive_state, DriveState::enabled);
+  settings.timeout.waived = false;
+  Bench refused(settings);
+  for (int tick = 0; tick < 100; ++tick) {
+    EXPECT_EQ(refused.code_after_seven_ff(true), 0xFD);
+    refused.reply(4, 8);
+  }
+  EXPECT_EQ(refused.driver.feedback().error_code, setup_fault_code(SetupFault::watchdog_unknown));
+}
+
 // Goal: a drive with other firmware is refused by name, not as one that is silent or a stranger. Method: a drive that
 // answers nothing and reports as AK V3 firmware does (29-bit id, 0x29 in front of its number).
 TEST(MitDriver, AkV3FirmwareIsRefusedByName) {
