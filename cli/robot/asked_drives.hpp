@@ -25,6 +25,8 @@ class AskedDrives {
   // Whether its bus is there.
   [[nodiscard]] bool is_reached(std::size_t joint) const;
   [[nodiscard]] const JointFeedback& feedback(std::size_t joint) const { return drivers_[joint]->feedback(); }
+  // JointDriver::is_set_up.
+  [[nodiscard]] bool is_set_up(std::size_t joint) const { return drivers_[joint]->is_set_up(); }
   [[nodiscard]] std::size_t count() const { return drivers_.size(); }
   // Why buses are not there.
   [[nodiscard]] const std::vector<std::string>& missing() const { return missing_; }

@@ -79,7 +79,8 @@ std::expected<std::vector<JointFeedback>, Refusal> set_up_drives(const DirectRob
   if (!drives->missing().empty()) return std::unexpected(Refusal{kExitUnavailable, drives->missing().front()});
   const auto fits = [&drives](std::size_t joint) {
     const JointFeedback& feedback = drives->feedback(joint);
-    return feedback.received_at.is_set() && feedback.drive_state == DriveState::disabled && feedback.error_code == 0;
+    return feedback.received_at.is_set() && drives->is_set_up(joint) && feedback.drive_state == DriveState::disabled &&
+           feedback.error_code == 0;
   };
   std::vector<JointFeedback> feedback(drives->count());
   bool all = false;

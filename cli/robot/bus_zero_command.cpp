@@ -50,8 +50,9 @@ std::expected<int, Refusal> set_zero(const BusZeroOptions& options) {
   const double before = listener.q();
   const auto frames = drivers::zero_frames(joint.drive);
   if (frames.empty()) {
-    fmt::print("joint {} reads {:.4f} rad; {} has no frame for that: write `offset: {:.4f} rad` into its drive\n",
-               joint.name, before, config::name(joint.drive.protocol), joint.drive.offset - before);
+    fmt::print(
+        "joint {} reads {:.4f} rad; its drive keeps no zero over CAN: write `offset: {:.4f} rad` into its drive\n",
+        joint.name, before, joint.drive.offset - before);
     return kExitOk;
   }
   if (!options.yes) {
@@ -87,7 +88,8 @@ void add_bus_zero(CLI::App& bus, int& exit_code) {
       "Example: takt bus zero elbow --robot robot.yaml --yes\n"
       "Drives that forget it with their supply (moteus, position_after_power_up: unknown or one_of_several): takt "
       "joint home.\n"
-      "Protocols without such a frame (odrive, cia402): the `offset` to write into the robot file is printed.\n"
+      "Drives that keep none over CAN (odrive, cia402, a RobStride in MIT protocol): the `offset` to write into the "
+      "robot file is printed.\n"
       "Exit codes: 0 done or said, 1 refused or the drive did not take it, 64 command line, 65 configuration, 69 the "
       "bus "
       "is not there.");

@@ -26,7 +26,9 @@ bool DriveListener::wait_until_disabled() {
     turn();
     const JointFeedback& feedback = driver_.feedback();
     const bool wants_home = drivers::kind_of(feedback.error_code) == drivers::SetupFault::home_unknown;
-    if (feedback.received_at.is_set() && (feedback.drive_state == DriveState::disabled || wants_home)) return true;
+    if (feedback.received_at.is_set() && driver_.is_set_up() &&
+        (feedback.drive_state == DriveState::disabled || wants_home))
+      return true;
   }
   return false;
 }
@@ -35,6 +37,7 @@ std::string DriveListener::why_not_disabled(const config::Drive& drive) const {
   const JointFeedback& feedback = driver_.feedback();
   if (feedback.error_code != 0) return "its drive reports " + drivers::error_name(drive, feedback.error_code);
   if (!feedback.received_at.is_set()) return "no answer from its drive: is it powered, and are id and bus right?";
+  if (!driver_.is_set_up()) return "its drive does not tell its settings";
   return "its drive does not say that it is disabled";
 }
 

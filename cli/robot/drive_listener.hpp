@@ -20,7 +20,8 @@ class DriveListener {
   // Both must outlive this object.
   DriveListener(drivers::CanBus& bus, drivers::JointDriver& driver, Duration period)
       : bus_(bus), driver_(driver), period_(period) {}
-  // False: it does not answer, or stays enabled or at fault. That it does not know its home is no such fault.
+  // And as the robot file has it. False: it does not answer, or stays enabled or at fault. That it does not know its
+  // home is no such fault.
   bool wait_until_disabled();
   // Then: why, in the drive's own words where it has any.
   [[nodiscard]] std::string why_not_disabled(const config::Drive& drive) const;

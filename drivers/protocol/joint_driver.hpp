@@ -114,6 +114,9 @@ class JointDriver {
   // it at `now`. Unset: no command is in use, the executive itself holds or damps.
   virtual std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                              std::span<CanFrame> out) noexcept = 0;
+  // Everything that is asked of it before it may be enabled was answered, and fits. What does not fit is a fault once
+  // it was heard, and none before; where the joint is may be unknown still.
+  [[nodiscard]] virtual bool is_set_up() const noexcept = 0;
   // For a listener beside the host that set the drive up: its reports mean from now on what they mean to that host.
   virtual void assume_set_up() noexcept {}
   // For whoever made sure where the joint is (SetupFault::home_unknown), of drives that do not know it themselves: it

@@ -49,6 +49,7 @@ class PlacedDriver final : public JointDriver {
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;
+  [[nodiscard]] bool is_set_up() const noexcept override { return driver_->is_set_up(); }
   void assume_set_up() noexcept override { driver_->assume_set_up(); }
   void assume_home(float q, float tolerance) noexcept override { expected_ = Expected{q, tolerance}; }
   bool decode(const ReceivedFrame& received) noexcept override;

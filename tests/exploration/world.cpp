@@ -313,6 +313,7 @@ class World::LyingDriver final : public drivers::JointDriver {
     said_ = state;
     return count;
   }
+  [[nodiscard]] bool is_set_up() const noexcept override { return driver_->is_set_up(); }
   void assume_set_up() noexcept override { driver_->assume_set_up(); }
   void assume_home(float q, float tolerance) noexcept override { driver_->assume_home(q, tolerance); }
   [[nodiscard]] float shift() const noexcept override { return driver_->shift(); }

@@ -30,17 +30,18 @@ class BusTools : public testing::Test {
   };
   BusTools() : BusTools([](std::string& /*robot_file*/) {}) {}
   // `edit`: what becomes of the robot file, every default written out.
-  explicit BusTools(const std::function<void(std::string&)>& edit) {
+  explicit BusTools(const std::function<void(std::string&)>& edit, const char* robot = kRobot,
+                    const char* last_bus = "can3") {
     std::string pattern = testing::TempDir() + "takt-bus-tools.XXXXXX";
     directory_ = mkdtemp(pattern.data());
-    robot_ = patient_copy(kRobot, directory_);
+    robot_ = patient_copy(robot, directory_);
     std::string text = read(robot_);
     edit(text);
     std::ofstream(robot_) << text;
     plant_.emplace(std::vector<std::string>{"takt-plant", "--robot", robot_, "--runtime-dir", directory_},
                    directory_ + "/plant.log");
-    const auto last_bus = config::loopback_socket(directory_, "can3");
-    for (int i = 0; i < 500 && !std::filesystem::exists(last_bus); ++i)
+    const auto socket = config::loopback_socket(directory_, last_bus);
+    for (int i = 0; i < 500 && !std::filesystem::exists(socket); ++i)
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
   ~BusTools() override {
@@ -98,6 +99,23 @@ TEST_F(BusTools, ScanTellsWhatDiffersFromTheFile) {
   EXPECT_NE(differs.find("the robot file says reply_id 0x31"), std::string::npos) << differs;
   EXPECT_NE(differs.find("object 6076:00"), std::string::npos) << differs;
   EXPECT_EQ(std::ranges::count(differs, '\n'), 2) << differs;
+}
+
+// Drives that answer at once: none is in time for the settings of another.
+class ScanOfDamiaoAlone : public BusTools {
+ protected:
+  ScanOfDamiaoAlone() : BusTools([](std::string& /*robot_file*/) {}, "config/arm6.yaml", "can1") {}
+};
+
+TEST_F(ScanOfDamiaoAlone, WaitsUntilEverySettingIsCompared) {
+  std::string text = read(robot_);
+  const std::string torque = "torque_range: ";
+  const std::size_t at = text.find(torque) + torque.size();
+  text.replace(at, text.find('\n', at) - at, "60 Nm");
+  std::ofstream(robot_) << text;
+  const Ended scan = takt({"bus", "scan", "--json", "--last-id", "8"});
+  EXPECT_EQ(scan.exit_code, 1) << scan.output;
+  EXPECT_NE(scan.output.find("torque range (register 23)"), std::string::npos) << scan.output;
 }
 
 TEST_F(BusTools, WatchAsksWhereNoOtherProgramDoes) {
@@ -186,6 +204,24 @@ TEST_F(BusTools, ZeroSetsOrSaysTheOffset) {
   EXPECT_NE(offset.output.find("offset: -0.600"), std::string::npos) << offset.output;
 }
 
+// Goal: a drive that cannot be zeroed is told of in its own words, and nothing is sent. Method: the plant's drive is as
+// it was, and the file means another one; then no drive at all.
+TEST_F(BusTools, ZeroQuotesTheDriveThatIsRefused) {
+  std::string text = read(robot_);
+  const std::string protocol = "protocol: mit\n";
+  text.insert(text.find(protocol, text.find("name: left_shoulder\n")) + protocol.size(), "      identity: \"70999\"\n");
+  std::ofstream(robot_) << text;
+  const Ended refused = takt({"bus", "zero", "left_shoulder", "--yes"});
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_NE(refused.output.find("joint left_shoulder: its drive reports the drive's own settings differ from the robot "
+                                "file: identity (register 15)"),
+            std::string::npos)
+      << refused.output;
+  plant_.reset();
+  const Ended silent = takt({"bus", "zero", "left_shoulder", "--yes"});
+  EXPECT_EQ(silent.exit_code, 69) << silent.output;
+}
+
 // Drives that forget with their supply where they are: an ODrive that counts from where it was switched on, and a
 // T-Motor drive whose encoder cannot tell places 40 degrees apart from each other. Both joints stand at -1.2 rad.
 class JointHome : public BusTools {
@@ -226,6 +262,11 @@ class JointHome : public BusTools {
       said = read(out);
     }
     EXPECT_TRUE(all_are_heard()) << said;
+    const std::string out = directory_ + "/status-" + std::to_string(++commands_) + ".out";
+    Child status({"takt", "status", "--runtime-dir", directory_}, out);
+    EXPECT_EQ(status.wait(std::chrono::seconds(20)), 0);
+    EXPECT_NE(read(out).find("joint right_elbow: the drive reports a fault"), std::string::npos)
+        << "in standby a status tells what arm would be refused for: " << read(out);
     executive.signal(SIGTERM);
     EXPECT_EQ(executive.wait(std::chrono::seconds(20)), 0);
     return {said, read(log)};

@@ -45,6 +45,25 @@ TEST_P(EveryDrive, ArmsWhenItIsRightAndSaysWhatIsWrongWhenNot) {
   EXPECT_TRUE(was_driven || most_torque == 0) << "never pushed";
 }
 
+// What scan, zero and home wait for: at no instant does a drive that is wrong look disabled, set up and without a
+// fault.
+TEST_P(EveryDrive, IsNeverTakenForSetUpWhileSomethingIsWrong) {
+  const Row& row = GetParam();
+  test::DriveLoop loop(row.file, milliseconds(100));
+  Planted planted = row.plant(row.file);
+  loop.device = std::move(planted.device);
+  loop.on_the_way = planted.on_the_way;
+  const auto looks_right = [&loop] {
+    const JointFeedback& feedback = loop.host->feedback();
+    return feedback.received_at.is_set() && loop.host->is_set_up() && feedback.drive_state == DriveState::disabled &&
+           feedback.error_code == 0;
+  };
+  int ticks = 0;
+  for (; ticks < 3000 && !looks_right(); ++ticks) loop.tick(false);
+  const bool shows_when_enabled = std::string_view(row.sentence).find("bit 12") != std::string_view::npos;
+  EXPECT_EQ(ticks < 3000, *row.sentence == '\0' || shows_when_enabled) << ticks << " ms";
+}
+
 INSTANTIATE_TEST_SUITE_P(Misconfigured, EveryDrive, testing::ValuesIn(misconfigured::rows()), [](const auto& row) {
   std::string name = row.param.when;
   for (char& c : name)

@@ -55,6 +55,7 @@ class Cia402Driver final : public JointDriver {
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;
+  [[nodiscard]] bool is_set_up() const noexcept override { return setup_.done(); }
   void assume_set_up() noexcept override { setup_.assume_done(); }
   bool decode(const ReceivedFrame& received) noexcept override;
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }

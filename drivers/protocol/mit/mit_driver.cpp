@@ -33,7 +33,7 @@ std::size_t MitDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTi
     if (other_protocol_ticks_ == 0) judge();
   }
   if (!enable && wish_ != Wish::disable) readback_.restart();
-  const bool wanted = enable && may_enable();
+  const bool wanted = enable && is_set_up();
   std::ranges::copy(payload_for(wanted, setpoint), frame.data);
   anything_sent_ = true;
   // A drive that is silent has nothing to answer; one that is enabled is left alone.
@@ -53,7 +53,7 @@ void MitDriver::note_silence() noexcept {
   if (silent_ticks_ == kTicksToDoubt) readback_.restart();
 }
 
-bool MitDriver::may_enable() const {
+bool MitDriver::is_set_up() const noexcept {
   switch (settings_.variant) {
     case MitVariant::damiao:
       return other_protocol_ticks_ == 0 && readback_.may_enable();

@@ -50,6 +50,7 @@ class MitDriver final : public JointDriver {
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;
+  [[nodiscard]] bool is_set_up() const noexcept override;
   bool decode(const ReceivedFrame& received) noexcept override;
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
   // Frames on the reply id that are no reply of this protocol.
@@ -60,7 +61,6 @@ class MitDriver final : public JointDriver {
  private:
   MitPayload payload_for(bool enable, const DriveSetpoint& setpoint) noexcept;
   void note_silence() noexcept;
-  [[nodiscard]] bool may_enable() const;
   [[nodiscard]] std::uint32_t setup_error() const noexcept;
   void take(const MitReply& reply, MonoTime received_at) noexcept;
   bool take_other_protocol(const CanFrame& frame) noexcept;

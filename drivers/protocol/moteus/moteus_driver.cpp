@@ -184,11 +184,14 @@ std::uint32_t MoteusDriver::setup_error() const noexcept {
 }
 
 bool MoteusDriver::may_enable() const noexcept {
+  return (knows_home_ || assumed_home_.known()) && is_set_up();
+}
+
+bool MoteusDriver::is_set_up() const noexcept {
   const auto is_so = [](const DriveWords& expected, const std::optional<DriveWords>& told) {
     return expected.count == 0 || (told && agrees(expected, *told));
   };
-  return (knows_home_ || assumed_home_.known()) && is_so(settings_.identity, identity_) &&
-         is_so(settings_.firmware, firmware_);
+  return is_so(settings_.identity, identity_) && is_so(settings_.firmware, firmware_);
 }
 
 MoteusFacts decode_moteus_facts(const CanFrame& frame) noexcept {

@@ -66,6 +66,7 @@ class MoteusDriver final : public JointDriver {
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;
+  [[nodiscard]] bool is_set_up() const noexcept override;
   void assume_home(float q, float tolerance) noexcept override { assumed_home_.assume(q, tolerance); }
   bool decode(const ReceivedFrame& received) noexcept override;
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }

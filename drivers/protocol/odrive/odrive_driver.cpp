@@ -16,6 +16,12 @@ std::size_t OdriveDriver::encode(bool enable, const DriveSetpoint& setpoint, Mon
   return 1;
 }
 
+bool OdriveDriver::is_set_up() const noexcept {
+  const std::uint32_t error = setup_error();
+  const bool asked = firmware_ || (settings_.firmware.count == 0 && asks_ == kAsksForVersion);
+  return asked && (error == 0 || kind_of(error) == SetupFault::home_unknown);
+}
+
 std::size_t OdriveDriver::encode_disabled(std::span<CanFrame> out) noexcept {
   const std::uint32_t node = settings_.node;
   if (phase_ != Phase::disabling) {

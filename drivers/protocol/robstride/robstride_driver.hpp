@@ -108,6 +108,7 @@ class RobstrideDriver final : public JointDriver {
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;
+  [[nodiscard]] bool is_set_up() const noexcept override { return setup_.may_enable(); }
   bool decode(const ReceivedFrame& received) noexcept override;
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
   // Frames of a known kind from this drive that have not 8 bytes of classic data.

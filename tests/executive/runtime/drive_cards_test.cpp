@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/bus/can_frame.hpp"
+#include "drivers/protocol/seen_angle.hpp"
 #include "executive/runtime/published_segments.hpp"
 
 namespace takt::runtime {
@@ -121,6 +122,21 @@ TEST_F(DriveCardsTest, IsWrittenOnlyWhenACardChanges) {
   tell_timeout(1);
   cards.catch_up();
   EXPECT_EQ(fact(1, "watchdog").at("value"), "100 ms");
+}
+
+// No drive tells its gear: the word of the person who watched it is the card's, until the file has another scale.
+TEST_F(DriveCardsTest, HasWhatAPersonSawOfAScale) {
+  ASSERT_TRUE(drivers::keep_seen_angle(directory_, robot_, 1, drivers::SeenAngle{0.0873, 0.0890, "2026-11-28"}));
+  {
+    const DriveCards cards(robot_, published_.frame_reader(), directory_);
+    EXPECT_EQ(fact(1, "scale").at("value"), "+5.1 deg seen where the drive told +5.0 deg, 2026-11-28");
+    EXPECT_EQ(fact(1, "scale").at("source"), "takt joint jog");
+    EXPECT_EQ(fact(1, "scale").at("verdict"), "agrees");
+    EXPECT_TRUE(fact(0, "scale").is_null()) << "of the other joint no one said anything";
+  }
+  robot_.joints[1].drive.gear_ratio = 3;
+  const DriveCards cards(robot_, published_.frame_reader(), directory_);
+  EXPECT_TRUE(fact(1, "scale").is_null());
 }
 
 TEST_F(DriveCardsTest, GoesWithTheExecutive) {

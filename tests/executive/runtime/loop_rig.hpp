@@ -91,6 +91,7 @@ class OneByteDrive final : public drivers::JointDriver {
     out[0].data[2] = valid_until.is_set() ? 1 : 0;
     return 1;
   }
+  [[nodiscard]] bool is_set_up() const noexcept override { return true; }
   bool decode(const drivers::ReceivedFrame& received) noexcept override {
     if (received.frame.id != 0x100 + joint_) return false;
     feedback_.received_at = received.received_at;
