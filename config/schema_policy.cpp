@@ -387,11 +387,11 @@ void describe_degraded(Fields& fields, DegradedConfig& degraded, const std::vect
   fields.duration(
       {"resume_over", "back in tracking, velocity limits rise from speed_scale of them to all of them in it", "2 s"},
       degraded.resume_over, {}, seconds(60));
-  fields.duration(
-      {"after",
-       "no usable command for this long violates the contract too, whatever the window's share; 0 ms: the share alone",
-       "0 ms"},
-      degraded.after, {}, seconds(10));
+  fields.duration({"after",
+                   "no usable command for this long degrades the robot (command_late), as epsilon of the window does; "
+                   "0 ms: that alone",
+                   "0 ms"},
+                  degraded.after, {}, seconds(10));
   fields.one_of({"fallback", "fallback: name of an entry in fallbacks, or none", "none"}, degraded.fallback, names,
                 "fallback", "none");
   fields.duration({"for", "how long the robot may be degraded at one go, then a damped stop; 0 s: without end", "0 s"},
@@ -424,7 +424,7 @@ void describe_stop(Fields& fields, StopConfig& stop) {
 void describe_policy(Fields& fields, RobotConfig& robot) {
   fields.each_named({"fallbacks", "simple policies to hand over to, by name", "{}"}, robot.fallbacks,
                     [&](Fields& f, Fallback& fallback) { describe_fallback(f, fallback, joint_names(robot)); });
-  fields.section({"degraded", "what happens when the freshness contract is violated"},
+  fields.section({"degraded", "what happens when the policy is late, or its contract violated"},
                  [&](Fields& f) { describe_degraded(f, robot.degraded, robot.fallbacks); });
   fields.each_named({"stops", "how a damped stop comes to rest, by the name of its cause; others: rest", "{}"},
                     robot.stops, [&](Fields& f, StopConfig& stop) { describe_stop(f, stop); });

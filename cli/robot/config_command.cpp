@@ -48,12 +48,12 @@ std::string lines_of(const std::vector<std::string>& cautions) {
   return lines;
 }
 
-// Which silence breaks the contract by itself, next to how often the policy speaks.
+// Which silence degrades the robot, next to how often the policy speaks.
 std::string contract_sentence(const config::RobotConfig& robot) {
   const config::Freshness& contract = robot.freshness;
   const Duration allowed{static_cast<std::int64_t>(contract.epsilon * static_cast<double>(contract.window.ns))};
   std::string sentence =
-      fmt::format("a silence of {} beyond max_age {} violates it at once (epsilon x window)",
+      fmt::format("a silence of {} beyond max_age {} degrades the robot",
                   config::format_duration(allowed + robot.control.period), config::format_duration(contract.max_age));
   if (robot.policy && allowed < robot.policy->period)
     sentence += fmt::format("; the policy answers every {}: one late answer may be enough",

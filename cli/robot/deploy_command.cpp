@@ -192,7 +192,7 @@ void add_deploy(CLI::App& app, int& exit_code) {
   command->footer(
       "Example: sudo takt deploy robot.yaml --watch 60s\n"
       "Checks the file, copies it with its policy into a folder of its own, runs the copy for some seconds in virtual\n"
-      "time if it has `simulation`, switches to it, restarts the robot's processes and watches: a violated contract, "
+      "time if it has `simulation`, switches to it, restarts the robot's processes and watches: a degraded robot, "
       "a\n"
       "stop or a fault within --watch of tracking brings the previous deployment back. So does Ctrl-C. See takt\n"
       "rollback. What a program of --policy-host imports is not copied: only the robot file and its policy files are.\n"

@@ -201,6 +201,7 @@ CauseFindings cause_findings(Cause cause, const TickRecord& record, const config
     case Cause::shutdown:
     case Cause::drives_enabled:
     case Cause::contract_violated:
+    case Cause::command_late:
     case Cause::contract_restored:
     case Cause::command_lost:
     case Cause::bad_commands:

@@ -5,7 +5,7 @@
 // standby        start, operator reset               disabled; polled for feedback
 // arming         operator arm                        being enabled; damping and gravity compensation where enabled
 // tracking       every drive enabled, fresh command  impedance law on the played chunk
-// degraded       contract violated repeatedly        as configured: hold, slow down, or a named fallback
+// degraded       command late, contract violated     as configured: hold, slow down, or a named fallback
 // damped_stop    stop request, command lost, ...     damping and gravity compensation until the robot rests, then hold
 // fault_latched  drive, bus or feedback fault        no power where the fault is, damping in what hangs there, the
 //                                                    rest as in damped_stop; operator reset needed
@@ -29,7 +29,7 @@ enum class Cause : std::uint8_t {
   shutdown,             // SIGTERM / SIGINT: damped stop, then exit
   drives_enabled,       // every drive reports enabled
   enable_timeout,       // some drive did not enable in time
-  contract_violated,    // misses in the window exceed epsilon
+  contract_violated,    // evidence that more than epsilon of the ticks have no usable command
   contract_restored,    // fresh without interruption for long enough
   command_lost,         // no usable command for stop_after
   bad_commands,         // messages refused for what they say, or targets out of range, repeatedly: integration error
@@ -62,8 +62,9 @@ enum class Cause : std::uint8_t {
   feedback_implausible,
   following_error,  // a joint is too far from its reference for too long: told, or degraded by configuration
   following_lost,   // the same, where the robot file stops the robot for it
+  command_late,     // no usable command for degraded.after: a silence, which says nothing of how often
 };
-inline constexpr std::size_t kCauseCount = 39;
+inline constexpr std::size_t kCauseCount = 40;
 
 constexpr std::string_view name(Mode mode) {
   constexpr std::array<std::string_view, kModeCount> names{"standby",  "arming",      "tracking",
@@ -111,7 +112,8 @@ constexpr std::string_view name(Cause cause) {
                                                             "degraded_spent",
                                                             "feedback_implausible",
                                                             "following_error",
-                                                            "following_lost"};
+                                                            "following_lost",
+                                                            "command_late"};
   const auto index = static_cast<std::size_t>(cause);
   return index < names.size() ? names[index] : "invalid";
 }

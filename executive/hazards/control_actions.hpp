@@ -209,7 +209,7 @@ inline constexpr std::array<UnsafeRow, 33> kUnsafe{{
      Guide::not_given,
      "the policy gives no target any more",
      {Hazard::outdated, Hazard::falls},
-     "the robot holds, slows or falls back once the contract is violated, and stops after freshness.stop_after",
+     "the robot holds, slows or falls back once the policy is late, and stops after freshness.stop_after",
      "pipeline_test Freshness.PolicyDeathDegradesThenStopsWithinItsBound",
      "a policy that died degrades the robot and never stops it"},
     {Unsafe::T2,

@@ -102,12 +102,10 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      {Hazard::outdated},
      {Unsafe::T1, Unsafe::T4, Unsafe::T6},
      "the policy is late more often than the task can bear: load, a slow network, a stall",
-     "more than epsilon of freshness.window without a usable command, counted exactly",
-     {"pipeline_test Freshness.AFreezeDegradesAndRecovers",
+     "evidence that more than epsilon of the ticks have no usable command: eleven times the longest silence beyond it",
+     {"pipeline_test Violation.IsDeclaredOnEvidenceAlone",
       "pipeline_test Degraded.HoldBrakesToRestAndIgnoresThePolicy"},
-     "until then the robot follows what was right max_age ago; max_age is the robot file's word (`takt margin` "
-     "measures "
-     "it)",
+     "until then short silences are met one by one; max_age is the robot file's word (`takt margin` measures it)",
      {Device::fence, Device::gantry},
      "misses beyond epsilon violate nothing"},
     {Cause::contract_restored,
@@ -425,6 +423,16 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      "touches is stopped there",
      {Device::emergency_stop, Device::gantry},
      "a following error that is to stop the robot is only told"},
+    {Cause::command_late,
+     {Hazard::outdated},
+     {Unsafe::T1, Unsafe::T4, Unsafe::T6},
+     "the policy is silent: a stall, a cut network, a death",
+     "no usable command for degraded.after, or epsilon of freshness.window at one go",
+     {"pipeline_test Freshness.PolicyDeathDegradesThenStopsWithinItsBound",
+      "pipeline_test Freshness.AFreezeDegradesAndRecovers"},
+     "until then the robot follows what was right max_age ago",
+     {Device::fence, Device::gantry},
+     "a silence degrades nothing"},
 }};
 
 namespace hazards_detail {

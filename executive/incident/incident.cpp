@@ -29,7 +29,7 @@ bool relies_on_policy(Mode mode) {
 bool is_sign(Cause cause) {
   const pipeline::Reaction& row = pipeline::reaction(cause);
   const bool stops = pipeline::is_latched(row.from(Mode::tracking)) || pipeline::is_latched(row.from(Mode::arming));
-  return (stops || cause == Cause::contract_violated) && !is_asked(cause);
+  return (stops || cause == Cause::contract_violated || cause == Cause::command_late) && !is_asked(cause);
 }
 
 // A record may say what no executive says: it may come from a file.
@@ -325,6 +325,7 @@ std::string IncidentWatch::words(const TickRecord& record) const {
     case Cause::operator_reset:
     case Cause::drives_enabled:
     case Cause::contract_violated:
+    case Cause::command_late:
     case Cause::contract_restored:
     case Cause::feedback_lost:
     case Cause::feedback_implausible:

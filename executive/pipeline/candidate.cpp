@@ -56,6 +56,7 @@ void go_back(TickState& state, PolicyChange why, MonoTime now, const TickConfig&
   const bool is_fresh = is_usable(freshness_beside(state, now, config));
   change_places(state, 0, config);
   state.misses.restart();  // they were the candidate's
+  forget_misses(state.recovery);
   header.candidate.change = why;
   if (!is_fresh) {  // the candidate's last command leaves with it: nothing moves the robot meanwhile
     state.command = {};

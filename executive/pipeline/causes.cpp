@@ -158,8 +158,8 @@ CauseMask of_commands(const TickState& state, MonoTime now, const TickConfig& co
   const bool counting = mode == Mode::tracking || mode == Mode::degraded;
   if (!counting && mode != Mode::arming) return active;
   active |= when(is_command_lost(last_usable_at(state, config), now, contract), Cause::command_lost);
-  active |=
-      when(counting && is_violated(state.misses.count(), state.recovery, now, contract), Cause::contract_violated);
+  active |= when(counting && is_violated(state.recovery, contract), Cause::contract_violated) |
+            when(counting && is_late(state.recovery, now, contract), Cause::command_late);
   active |= when(is_fallback_spent(state, now, config), Cause::fallback_spent) |
             when(is_degraded_spent(state.mode, now, config), Cause::degraded_spent);
   return active | when(mode == Mode::degraded && is_restored(state.recovery, now, contract), Cause::contract_restored);

@@ -32,6 +32,19 @@ void note_freshness(Recovery& recovery, Freshness freshness, MonoTime now) {
   recovery.last_usable_at = now;
 }
 
+void note_miss(Recovery& recovery, bool missed, const FreshnessContract& contract) {
+  recovery.silence = missed ? recovery.silence + 1 : 0;
+  recovery.longest_silence = std::max(recovery.longest_silence, recovery.silence);
+  const float share = (missed ? 1.0F : 0.0F) - static_cast<float>(contract.epsilon);
+  recovery.excess = std::max(recovery.excess + share, 0.0F);
+  if (recovery.excess == 0.0F) recovery.longest_silence = recovery.silence;
+}
+
+void forget_misses(Recovery& recovery) {
+  recovery.excess = 0;
+  recovery.silence = recovery.longest_silence = 0;
+}
+
 void note_degraded(Recovery& recovery, MonoTime now, const FreshnessContract& contract) {
   const bool relapse = recovery.restored_at.is_set() && now - recovery.restored_at <= contract.flap_memory;
   recovery.relapses = relapse ? std::min(recovery.relapses + 1, kMaxDoublings) : 0;

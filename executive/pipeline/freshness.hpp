@@ -3,10 +3,19 @@
 // tracking and degraded mode, in which flapping loses.
 //
 // A tick misses when the command in use is missing or stale. Ticks count while tracking or degraded only.
-// Violated: misses among the last `window_ticks` exceed epsilon * window_ticks. The bound is that of the full window
-// from the first tick on: ticks not seen yet count as met. Violated too: no usable command for degrade_after, if set.
+//
+// Late: no usable command for degrade_after, if set, or for more ticks in a row than epsilon * window_ticks. A silence
+// is met at once, and says nothing of how often one comes.
+//
+// Violated: evidence that more than epsilon of the ticks miss. A miss adds 1 - epsilon to the excess, a tick that is
+// met takes epsilon off, and it is never below zero. Misses come in silences, so the excess that proves something grows
+// with their length: it must exceed kEvidence times the longest silence since it was last zero, and epsilon *
+// window_ticks. It is a queue served at the rate epsilon: silences of one length at random, at half of epsilon, get it
+// beyond h with a probability of exp(-1.25 h / length), once in a million silences; at twice epsilon it is there after
+// kEvidence / epsilon lengths.
+//
 // Restored: usable at every tick for recover_after, doubled for each relapse that came within flap_memory of the
-// previous restoration, up to 16 times; the window then restarts.
+// previous restoration, up to 16 times; excess and window then restart.
 #pragma once
 
 #include <cstdint>
@@ -35,15 +44,28 @@ struct Recovery {
   MonoTime last_usable_at;  // newest tick with a usable command; unset before the first
   MonoTime restored_at;     // newest restoration; unset when none since arming
   std::uint32_t relapses = 0;
-  std::uint32_t reserved = 0;
+  float excess = 0;                   // misses beyond epsilon, in ticks
+  std::uint32_t silence = 0;          // misses in a row, up to now
+  std::uint32_t longest_silence = 0;  // since the excess was last zero
 };
 
-constexpr bool is_violated(std::uint32_t misses, const Recovery& recovery, MonoTime now,
-                           const FreshnessContract& contract) {
-  const bool too_long = contract.degrade_after > Duration{} && now - recovery.last_usable_at >= contract.degrade_after;
-  return too_long || static_cast<double>(misses) > contract.epsilon * static_cast<double>(contract.window_ticks);
+inline constexpr double kEvidence = 11;
+
+constexpr bool is_violated(const Recovery& recovery, const FreshnessContract& contract) {
+  const double excess = static_cast<double>(recovery.excess);
+  return excess > contract.epsilon * static_cast<double>(contract.window_ticks) &&
+         excess > kEvidence * static_cast<double>(recovery.longest_silence);
 }
 
+constexpr bool is_late(const Recovery& recovery, MonoTime now, const FreshnessContract& contract) {
+  const bool too_long = contract.degrade_after > Duration{} && now - recovery.last_usable_at >= contract.degrade_after;
+  const double allowed = contract.epsilon * static_cast<double>(contract.window_ticks);
+  return too_long || (contract.epsilon < 1 && static_cast<double>(recovery.silence) > allowed);
+}
+
+// A tick that counts.
+void note_miss(Recovery& recovery, bool missed, const FreshnessContract& contract);
+void forget_misses(Recovery& recovery);
 void note_freshness(Recovery& recovery, Freshness freshness, MonoTime now);
 void note_degraded(Recovery& recovery, MonoTime now, const FreshnessContract& contract);
 void note_restored(Recovery& recovery, MonoTime now);

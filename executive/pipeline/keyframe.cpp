@@ -7,6 +7,7 @@
 // checksum covers everything after the header. Little-endian, this ABI only: the magic and the layout refuse another.
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <string>
 
@@ -173,6 +174,7 @@ bool is_consistent(const TickState& state, const TickConfig& config, const Chunk
          static_cast<std::size_t>(state.mode.player) < kMoverCount &&
          static_cast<std::size_t>(state.mode.last_player) < kMoverCount &&
          (given_up & ~every_joint(config.joint_count)) == 0 && state.recovery.relapses <= kMaxDoublings &&
+         std::isfinite(state.recovery.excess) && state.recovery.excess >= 0 &&
          state.misses.fits(config.freshness.window_ticks) && state.refusals.fits(config.freshness.window_ticks) &&
          state.clamped.fits(config.freshness.window_ticks) &&
          state.fallback_clamped.fits(config.freshness.window_ticks) && state.late.fits(config.freshness.window_ticks) &&

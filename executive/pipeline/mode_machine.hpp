@@ -84,7 +84,7 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
     {Cause::enable_timeout,       70,  {S, F, T, D, P, F}, kLoss, "feedback.enable_timeout, one tick",
       "operator reset"},
     {Cause::contract_violated,    30,  {S, A, D, D, P, F}, kNo,   "",
-      "misses in the window fall to the bound; mode: contract_restored"},
+      "the mode is left; mode: contract_restored"},
     {Cause::contract_restored,    20,  {S, A, T, T, P, F}, kNo,   "",
       "the tick after"},
     {Cause::command_lost,         50,  {S, P, P, P, P, F}, kRest, "freshness.stop_after, one tick",
@@ -155,6 +155,8 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
       "every joint is within limits.following_error of its reference; mode: contract_restored"},
     {Cause::following_lost,       48,  {S, A, P, P, P, F}, kRest, "feedback.following_timeout, one tick",
       "every joint is within limits.following_error of its reference; mode: operator reset"},
+    {Cause::command_late,         28,  {S, A, D, D, P, F}, kNo,   "",
+      "a usable command; mode: contract_restored"},
   }};
 }();
 // clang-format on

@@ -327,8 +327,11 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
   header.freshness = freshness_of(state.command, state.chunk.header, input.now, contract);
   note_freshness(state.recovery, header.freshness, input.now);
   if (has_fallback_policy(config)) judge_fallback(state, input, config, header.fallback);
-  if (state.mode.mode == Mode::tracking || state.mode.mode == Mode::degraded)
-    state.misses.push(!is_usable(header.freshness), contract.window_ticks);
+  if (state.mode.mode == Mode::tracking || state.mode.mode == Mode::degraded) {
+    const bool missed = !is_usable(header.freshness);
+    state.misses.push(missed, contract.window_ticks);
+    note_miss(state.recovery, missed, contract);
+  }
   watch_probation(state, config, header);
   watch_for_rest(state, record, config);
 
@@ -394,6 +397,7 @@ void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& c
       state.mode.drives_enabled = 1;
       state.mode.resumed_at = now;
       state.misses.restart();
+      forget_misses(state.recovery);
       if (left == Mode::degraded) note_restored(state.recovery, now);
       return;
     case Mode::degraded:

@@ -88,13 +88,13 @@ struct LinkModel {
 
 struct FreshnessContract {
   Duration max_age;
-  float aging_fraction = 0.8F;          // of max_age
-  double epsilon = 0.01;                // Pr(age > max_age) <= epsilon
-  std::uint32_t window_ticks = 0;       // 1..kMaxWindowTicks
-  Duration recover_after;               // uninterrupted fresh time that restores tracking
-  Duration flap_memory;                 // each relapse within it doubles the next recovery time, up to 16x
-  Duration stop_after;                  // no usable command for this long: damped stop
-  Duration degrade_after;               // no usable command for this long violates it too; 0: misses alone do
+  float aging_fraction = 0.8F;     // of max_age
+  double epsilon = 0.01;           // Pr(age > max_age) <= epsilon
+  std::uint32_t window_ticks = 0;  // 1..kMaxWindowTicks
+  Duration recover_after;          // uninterrupted fresh time that restores tracking
+  Duration flap_memory;            // each relapse within it doubles the next recovery time, up to 16x
+  Duration stop_after;             // no usable command for this long: damped stop
+  Duration degrade_after;          // no usable command for this long is late, too; 0: epsilon of the window alone is
   std::uint32_t bad_command_limit = 0;  // messages within the window refused for what they say: integration error
 };
 inline constexpr std::uint32_t kMaxWindowTicks = 8192;

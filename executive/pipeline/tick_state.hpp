@@ -157,7 +157,7 @@ static_assert(std::is_trivially_copyable_v<TickState>);
 static_assert(sizeof(JointState) == sizeof(ObserverState) + 3 * sizeof(ReferenceState) + 56 &&
               sizeof(ObserverState) == 16);
 static_assert(sizeof(RestWatch) == 16 + 4 * kMaxJoints && sizeof(ModeState) == 96 + 2 * sizeof(RestWatch) &&
-              sizeof(Counters) == 24 && sizeof(Recovery) == 32);
+              sizeof(Counters) == 24 && sizeof(Recovery) == 40);
 static_assert(sizeof(CommandInUse) == 72 && sizeof(WaitingCommand) == 80 && sizeof(FallbackState) == 104 &&
               sizeof(CandidateState) == 112);
 static_assert(sizeof(JoinState) == 8 + 12 * kMaxJoints + 168);

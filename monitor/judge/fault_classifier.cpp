@@ -43,6 +43,7 @@ bool is_drive_or_bus(Cause cause) {
     case Cause::shutdown:
     case Cause::drives_enabled:
     case Cause::contract_violated:
+    case Cause::command_late:
     case Cause::contract_restored:
     case Cause::command_lost:
     case Cause::bad_commands:

@@ -25,8 +25,9 @@ constexpr Causes set_of(std::initializer_list<Cause> causes) {
 constexpr Duration kNotedLate = milliseconds(300);  // how long a death may wait for its line
 constexpr Causes kPersons = set_of({Cause::operator_stop, Cause::operator_deenergise, Cause::shutdown});
 constexpr Causes kAnything = ~kPersons;
-constexpr Causes kCommands = set_of({Cause::command_lost, Cause::bad_commands, Cause::contract_violated,
-                                     Cause::degraded_spent, Cause::fallback_spent, Cause::enable_timeout, Cause::tilt});
+constexpr Causes kCommands =
+    set_of({Cause::command_lost, Cause::bad_commands, Cause::contract_violated, Cause::command_late,
+            Cause::degraded_spent, Cause::fallback_spent, Cause::enable_timeout, Cause::tilt});
 constexpr Causes kRecording = set_of({Cause::recording_lost});
 constexpr Causes kDrives = kAnything & ~kCommands & ~kRecording & ~set_of({Cause::overrun, Cause::internal_error});
 

@@ -82,11 +82,12 @@ void expect_every_cause(const Seen& seen) {
   for (const pipeline::Reaction& row : pipeline::kReactions) {
     const auto is_met = [&row](const std::pair<Mode, Cause>& one) { return one.second == row.cause; };
     // fallback_spent: TwoPoliciesKeepTheContract; the next two: ARobotThatMindsKeepsTheContract; feedback_implausible:
-    // no drive lies here, see WrongFeedback of simulated_drives_test; following: ARobotThatMindsKeepsTheContract, too.
+    // no drive lies here, see WrongFeedback of simulated_drives_test; following: ARobotThatMindsKeepsTheContract, too;
+    // contract_violated: APolicyThatIsLateAgainAndAgainKeepsTheContract.
     if (row.severity == 0 || row.cause == Cause::internal_error || row.cause == Cause::fallback_spent ||
         row.cause == Cause::temperature_high || row.cause == Cause::degraded_spent ||
         row.cause == Cause::feedback_implausible || row.cause == Cause::following_error ||
-        row.cause == Cause::following_lost)
+        row.cause == Cause::following_lost || row.cause == Cause::contract_violated)
       continue;
     EXPECT_TRUE(std::ranges::any_of(seen, is_met)) << name(row.cause) << " was never met";
   }
@@ -285,9 +286,20 @@ TEST(Exploration, TwoPoliciesKeepTheContract) {
                                 {Happening::fallback_silent, milliseconds(3300), seconds(3)}};
   EXPECT_EQ(explore(robot, 1, both, &seen), "");
   for (const auto& [mode, cause] :
-       {std::pair{Mode::tracking, Cause::contract_violated}, std::pair{Mode::degraded, Cause::contract_restored},
+       {std::pair{Mode::tracking, Cause::command_late}, std::pair{Mode::degraded, Cause::contract_restored},
         std::pair{Mode::degraded, Cause::command_lost}, std::pair{Mode::degraded, Cause::fallback_spent}})
     EXPECT_TRUE(seen.contains({mode, cause})) << name(mode) << " by " << name(cause);
+}
+
+// Goal: lateness that no silence shows is found, and breaks no promise. Method: a max_age of 25 ms, where each answer
+// is used until its successor comes, 32 ms old.
+TEST(Exploration, APolicyThatIsLateAgainAndAgainKeepsTheContract) {
+  config::RobotConfig robot = small_robot();
+  robot.freshness.max_age = milliseconds(25);
+  Seen seen;
+  EXPECT_EQ(explore(robot, 1, {}, &seen), "");
+  EXPECT_TRUE(seen.contains({Mode::tracking, Cause::contract_violated}));
+  EXPECT_FALSE(seen.contains({Mode::tracking, Cause::command_late}));
 }
 
 // Goal: an IMU that is cut, frozen, late or lying stops the robot as lost, and no frame on the way there leaves the

@@ -37,7 +37,7 @@ constexpr Strike kStrikes[] = {
     {Cause::operator_stop, Happening::operator_stop, "the executive hears it", {}},
     {Cause::shutdown, Happening::shutdown, "the executive hears it", {}},
     {Cause::enable_timeout, Happening::drive_deaf, "arming begins", {}, 1, {}},
-    {Cause::contract_violated, Happening::policy_silent, "the policy falls silent", {}},
+    {Cause::command_late, Happening::policy_silent, "the policy falls silent", {}},
     {Cause::command_lost, Happening::policy_silent, "the policy falls silent", {}},
     {Cause::bad_commands, Happening::policy_nonsense, "the policy begins to say what is no number", kAnswer},
     {Cause::feedback_lost, Happening::drive_silent, "a drive falls silent", {}},
@@ -130,7 +130,7 @@ std::optional<Duration> finding(const Strike& strike, const config::RobotConfig&
   switch (strike.cause) {
     case Cause::enable_timeout:
       return robot.feedback.enable_timeout;
-    case Cause::contract_violated:
+    case Cause::command_late:
       return robot.freshness.max_age + of_window(robot.freshness.epsilon);
     case Cause::command_lost:
       return robot.freshness.max_age + robot.freshness.stop_after;
@@ -138,6 +138,7 @@ std::optional<Duration> finding(const Strike& strike, const config::RobotConfig&
       return robot.policy.value().period * (robot.freshness.bad_command_limit + 1);
     case Cause::feedback_lost:
       return robot.feedback.timeout;
+    case Cause::contract_violated:
     case Cause::feedback_implausible:
     case Cause::following_error:
     case Cause::following_lost:

@@ -200,7 +200,7 @@ TEST_F(IncidentTest, PowerTakenByAPersonIsAnIncidentToo) {
 }
 
 TEST_F(IncidentTest, ARobotThatRunsOnIsNoIncident) {
-  EXPECT_FALSE(enter(Mode::degraded, Cause::contract_violated));
+  EXPECT_FALSE(enter(Mode::degraded, Cause::command_late));
   EXPECT_FALSE(enter(Mode::tracking, Cause::contract_restored));
   EXPECT_FALSE(watch.latest());
 }
@@ -308,7 +308,7 @@ struct FallbackIncident : IncidentTest {
     enter(Mode::tracking, Cause::drives_enabled);
     record.header.freshness = Freshness::missing;
     record.header.player = Player::fallback;
-    enter(Mode::degraded, Cause::contract_violated);
+    enter(Mode::degraded, Cause::command_late);
   }
 };
 
@@ -414,7 +414,7 @@ TEST_F(DegradedIncident, SaysThatItsTimeIsOver) {
   watch = IncidentWatch(robot);
   enter(Mode::tracking, Cause::drives_enabled);
   record.header.freshness = Freshness::missing;
-  enter(Mode::degraded, Cause::contract_violated);
+  enter(Mode::degraded, Cause::command_late);
   stay(10);
   const auto incident = enter(Mode::damped_stop, Cause::degraded_spent);
   ASSERT_TRUE(incident);

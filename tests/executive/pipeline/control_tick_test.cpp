@@ -249,10 +249,10 @@ TEST(Freshness, PolicyDeathDegradesThenStopsWithinItsBound) {
   for (int i = 0; i < 1000; ++i) {
     rig.tick();
     if (rig.header().freshness == Freshness::fresh || rig.header().freshness == Freshness::aging) last_usable = rig.now;
-    if (rig.header().cause == Cause::contract_violated) degraded_at = rig.now;
+    if (rig.header().cause == Cause::command_late) degraded_at = rig.now;
     if (rig.header().cause == Cause::command_lost) stopped_at = rig.now;
   }
-  EXPECT_EQ(degraded_at - last_usable, milliseconds(11)) << "10 misses of 1000 are allowed";
+  EXPECT_EQ(degraded_at - last_usable, milliseconds(11)) << "a silence of 10 ticks of 1000 is allowed";
   EXPECT_EQ(stopped_at - last_usable, rig.config.freshness.stop_after);
   EXPECT_EQ(rig.mode(), Mode::damped_stop);
 }
@@ -653,7 +653,7 @@ TEST(Commands, LateOnesAreNoIntegrationError) {
     ASSERT_EQ(rig.header().arrival, Arrival::expired_observation);
     seen |= rig.header().causes_active;
   }
-  EXPECT_NE(seen & bit(Cause::contract_violated), 0U);
+  EXPECT_NE(seen & bit(Cause::command_late), 0U);
   EXPECT_EQ(rig.header().cause, Cause::command_lost);
   EXPECT_EQ(seen & bit(Cause::bad_commands), 0U);
 }

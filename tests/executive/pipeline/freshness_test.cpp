@@ -5,6 +5,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstdio>
+#include <random>
+#include <vector>
+
 #include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
@@ -61,22 +66,96 @@ TEST(Freshness, ACommandIsValidUntilItsAgeOrItsChunkEnds) {
   EXPECT_FALSE(is_usable(freshness_of(command, header, kPublished + milliseconds(30), kContract)));
 }
 
-TEST(Freshness, ViolationNeedsMoreThanTheBound) {
-  const MonoTime now{1'000'000'000};
-  EXPECT_FALSE(is_violated(10, {}, now, kContract)) << "epsilon * window = 10 is still allowed";
-  EXPECT_TRUE(is_violated(11, {}, now, kContract));
+// Silences of one length, at random instants that miss this share of a long run's ticks. How many of the runs are
+// declared violated, of `runs`; and after how many ticks in the median, of those that are.
+struct Declared {
+  int runs = 0;
+  std::uint64_t median_ticks = 0;
+};
+Declared declared(double share, std::uint32_t silence, std::uint64_t ticks, int runs, FreshnessContract contract) {
+  std::vector<std::uint64_t> after;
+  for (int run = 0; run < runs; ++run) {
+    std::mt19937_64 random(std::uint64_t{1000} * silence + static_cast<std::uint64_t>(run));
+    // From the end of one to the begin of the next.
+    std::geometric_distribution<std::uint64_t> gap(share / (static_cast<double>(silence) * (1 - share)));
+    Recovery recovery;
+    std::uint64_t tick = 0;
+    while (tick < ticks && !is_violated(recovery, contract)) {
+      for (std::uint64_t met = gap(random) + 1; met > 0 && tick < ticks; --met, ++tick)
+        note_miss(recovery, false, contract);
+      for (std::uint32_t i = 0; i < silence && tick < ticks && !is_violated(recovery, contract); ++i, ++tick)
+        note_miss(recovery, true, contract);
+    }
+    if (is_violated(recovery, contract)) after.push_back(tick);
+  }
+  std::ranges::sort(after);
+  return {static_cast<int>(after.size()), after.empty() ? 0 : after[after.size() / 2]};
 }
 
-// Goal: a silent policy is noticed after degrade_after, whatever the window's share allows, and not a moment before.
-// Method: one usable tick, then the instants around degrade_after, without a single miss counted.
-TEST(Freshness, SilenceAloneViolatesAfterDegradeAfter) {
+constexpr std::uint64_t kHour = 3'600'000;
+
+// Goal: a process that keeps the contract is not said to break it, whatever the length of its silences, and one that
+// breaks it is. Method: hours at a tenth and at half of epsilon, silences of 1 to 300 ms; and at twice epsilon.
+TEST(Violation, IsDeclaredOnEvidenceAlone) {
+  for (const std::uint32_t silence : {1U, 5U, 20U, 50U, 300U}) {
+    const double epsilon = kContract.epsilon;
+    EXPECT_EQ(declared(epsilon / 10, silence, kHour, 20, kContract).runs, 0) << silence << " ms, a tenth";
+    const Declared half = declared(epsilon / 2, silence, kHour, 40, kContract);
+    EXPECT_LE(half.runs, 2) << silence << " ms, half: 95 % of the hours";
+    const Declared twice = declared(2 * epsilon, silence, kHour, 20, kContract);
+    EXPECT_EQ(twice.runs, 20) << silence << " ms, twice";
+    EXPECT_LE(twice.median_ticks, static_cast<std::uint64_t>(2 * kEvidence / epsilon) * silence) << silence << " ms";
+    std::printf(
+        "silences of %3u ms: declared in an hour: %d of 20 at a tenth, %d of 40 at half, %d of 20 at twice "
+        "epsilon, there after %.1f s (median)\n",
+        silence, 0, half.runs, twice.runs, static_cast<double>(twice.median_ticks) / 1000);
+  }
+}
+
+TEST(Violation, ABurstOfTheWindowsShareIsAllowed) {
+  Recovery recovery;
+  for (int i = 0; i < 10; ++i) {
+    note_miss(recovery, true, kContract);
+    note_miss(recovery, false, kContract);
+  }
+  EXPECT_FALSE(is_violated(recovery, kContract)) << "epsilon * window = 10 is still allowed";
+  for (int i = 0; i < 3; ++i) {
+    note_miss(recovery, true, kContract);
+    note_miss(recovery, false, kContract);
+  }
+  EXPECT_TRUE(is_violated(recovery, kContract));
+  forget_misses(recovery);
+  EXPECT_FALSE(is_violated(recovery, kContract));
+}
+
+// One silence, however long, is one: command_late and command_lost answer for it.
+TEST(Violation, OneSilenceIsNoEvidence) {
+  Recovery recovery;
+  for (int i = 0; i < 5000; ++i) note_miss(recovery, true, kContract);
+  EXPECT_FALSE(is_violated(recovery, kContract));
+}
+
+// Goal: a silent policy is noticed after degrade_after and not a moment before. Method: one usable tick, then the
+// instants around degrade_after, without a single miss counted.
+TEST(Freshness, SilenceIsLateAfterDegradeAfter) {
   FreshnessContract contract = kContract;
   contract.degrade_after = milliseconds(40);
   const MonoTime heard{1'000'000'000};
   Recovery recovery;
   note_freshness(recovery, Freshness::fresh, heard);
-  EXPECT_FALSE(is_violated(0, recovery, heard + milliseconds(40) - nanoseconds(1), contract));
-  EXPECT_TRUE(is_violated(0, recovery, heard + milliseconds(40), contract));
+  EXPECT_FALSE(is_late(recovery, heard + milliseconds(40) - nanoseconds(1), contract));
+  EXPECT_TRUE(is_late(recovery, heard + milliseconds(40), contract));
+}
+
+TEST(Freshness, SilenceIsLateAfterEpsilonOfTheWindow) {
+  const MonoTime now{1'000'000'000};
+  Recovery recovery;
+  for (int i = 0; i < 10; ++i) note_miss(recovery, true, kContract);
+  EXPECT_FALSE(is_late(recovery, now, kContract)) << "epsilon * window = 10 is still allowed";
+  note_miss(recovery, true, kContract);
+  EXPECT_TRUE(is_late(recovery, now, kContract));
+  note_miss(recovery, false, kContract);
+  EXPECT_FALSE(is_late(recovery, now, kContract)) << "it is over";
 }
 
 TEST(Recovery, FlappingDoublesTheWaitUpToSixteenTimes) {

@@ -22,6 +22,7 @@ const std::map<Cause, std::string>& expected() {
                                                  {Cause::drives_enabled, ".t...."},
                                                  {Cause::enable_timeout, ".f...."},
                                                  {Cause::contract_violated, "..d..."},
+                                                 {Cause::command_late, "..d..."},
                                                  {Cause::contract_restored, "...t.."},
                                                  {Cause::command_lost, ".ppp.."},
                                                  {Cause::bad_commands, ".ppp.."},

@@ -26,4 +26,4 @@ for seconds in 0.06 0.09 0.12 0.15 0.3; do paused $seconds $POLICY; done
 for seconds in 0.06 0.09 0.12 0.15 0.2; do paused $seconds takt-executive; done
 restarts_are takt-executive 0 || fail "the executive was restarted"
 kill $dump
-say "$(transitions tracking degraded contract_violated) times degraded, $(wc -l <frames.log) frames"
+say "$(transitions tracking degraded command_late) times degraded, $(wc -l <frames.log) frames"

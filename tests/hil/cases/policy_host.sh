@@ -11,8 +11,8 @@
 tracking_arm6
 
 kill -KILL "$(main_pid $POLICY)"
-within 5 "degraded after SIGKILL" happened tracking degraded contract_violated
-age=$(age_at tracking degraded contract_violated)
+within 5 "degraded after SIGKILL" happened tracking degraded command_late
+age=$(age_at tracking degraded command_late)
 say "killed: degraded at a command age of $age ms (max_age 150 ms)"
 holds "$age > 150 && $age < 250" || fail "degraded at $age ms"
 within 5 "damped stop" happened degraded damped_stop command_lost

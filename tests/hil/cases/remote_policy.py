@@ -80,7 +80,7 @@ def problems(acts, frames_ms):
     if [(one["from"], one["to"]) for _, one in cut] != [("tracking", "degraded"), ("degraded", "tracking")]:
         yield f"a cut of 0.4 s: {cut}"
     down = acts.changes("down")
-    if [(one["to"], one["cause"]) for _, one in down] != [("degraded", "contract_violated"), ("damped_stop", "command_lost")]:
+    if [(one["to"], one["cause"]) for _, one in down] != [("degraded", "command_late"), ("damped_stop", "command_lost")]:
         yield f"the link down: {down}"
         return
     for (after_ms, one), what in ((cut[0], "a cut"), (down[0], "the link down")):

@@ -173,7 +173,7 @@ TEST(CutInputs, WithoutTheBasesVelocityNothingOldIsPlayed) {
       << walker.withheld();
   Cause cause = walker.rig->header().cause;
   ticks_until(walker, [&] { return (cause = walker.rig->header().cause) != Cause::none; });
-  EXPECT_EQ(cause, Cause::contract_violated);
+  EXPECT_EQ(cause, Cause::command_late);
   ticks_until(walker, [&] { return walker.rig->mode() == Mode::damped_stop; });
   EXPECT_EQ(walker.rig->header().cause, Cause::command_lost);
 }
