@@ -103,7 +103,7 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      {Unsafe::T1, Unsafe::T4, Unsafe::T6},
      "the policy is late more often than the task can bear: load, a slow network, a stall",
      "evidence that more than epsilon of the ticks have no usable command: eleven times the longest silence beyond it",
-     {"pipeline_test Violation.IsDeclaredOnEvidenceAlone",
+     {"pipeline_test Freshness.LateAgainAndAgainViolatesTheContract",
       "pipeline_test Degraded.HoldBrakesToRestAndIgnoresThePolicy"},
      "until then short silences are met one by one; max_age is the robot file's word (`takt margin` measures it)",
      {Device::fence, Device::gantry},

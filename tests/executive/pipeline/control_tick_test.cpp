@@ -257,6 +257,20 @@ TEST(Freshness, PolicyDeathDegradesThenStopsWithinItsBound) {
   EXPECT_EQ(rig.mode(), Mode::damped_stop);
 }
 
+// Goal: lateness that no silence shows violates the contract. Method: a max_age that each command outlives for a few
+// ticks before its successor comes.
+TEST(Freshness, LateAgainAndAgainViolatesTheContract) {
+  TickConfig config = robot(1);
+  config.freshness.max_age = milliseconds(17);
+  Rig rig(config);
+  rig.arm(0.0F);
+  int ticks = 0;
+  for (; ticks < 2000 && rig.mode() == Mode::tracking; ++ticks) rig.tick_with_policy(0.0F);
+  EXPECT_EQ(rig.mode(), Mode::degraded);
+  EXPECT_EQ(rig.header().cause, Cause::contract_violated);
+  EXPECT_GT(ticks, 100) << "not by one silence";
+}
+
 TEST(Freshness, AFreezeDegradesAndRecovers) {
   Rig rig(robot(3));
   rig.arm(0.2F);

@@ -21,6 +21,7 @@
 #include <span>
 #include <string>
 
+#include "executive/pipeline/freshness.hpp"
 #include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
@@ -382,10 +383,28 @@ class Judge {
     if (header().mode == Mode::tracking && header().previous_mode != Mode::tracking) misses_.clear();
     const auto count = static_cast<std::uint32_t>(std::count(misses_.begin(), misses_.end(), true));
     if (count != header().window_misses) return "the window miscounts";
+    if (header().mode != Mode::tracking) return nullptr;
     const double bound = config_.freshness.epsilon * config_.freshness.window_ticks;
-    return header().mode == Mode::tracking && static_cast<double>(count) > bound
+    const auto silence = std::find(misses_.rbegin(), misses_.rend(), false) - misses_.rbegin();
+    if (static_cast<double>(silence) > bound) return "tracking on in spite of a silence";
+    return most_beyond_epsilon() > std::max(bound, kEvidence * static_cast<double>(longest_silence())) + 0.1
                ? "tracking on in spite of the contract"
                : nullptr;
+  }
+
+  // Misses beyond epsilon of any stretch that ends now.
+  [[nodiscard]] double most_beyond_epsilon() const {
+    double sum = 0, most = 0;
+    for (auto one = misses_.rbegin(); one != misses_.rend(); ++one) {
+      sum += (*one ? 1 : 0) - config_.freshness.epsilon;
+      most = std::max(most, sum);
+    }
+    return most;
+  }
+  [[nodiscard]] std::uint32_t longest_silence() const {
+    std::uint32_t longest = 0, now = 0;
+    for (const bool miss : misses_) longest = std::max(longest, now = miss ? now + 1 : 0);
+    return longest;
   }
 
   const char* latches() {
@@ -468,7 +487,7 @@ TEST(FaultExploration, EveryPromiseHoldsUnderEverySchedule) {
     EXPECT_GT(seen.arrivals[static_cast<std::size_t>(arrival)], 0U) << name(arrival) << " never happened";
   for (const Cause cause :
        {Cause::operator_arm,      Cause::operator_stop,       Cause::operator_reset,   Cause::drives_enabled,
-        Cause::contract_violated, Cause::contract_restored,   Cause::command_lost,     Cause::feedback_lost,
+        Cause::command_late,      Cause::contract_restored,   Cause::command_lost,     Cause::feedback_lost,
         Cause::drive_fault,       Cause::drive_disabled,      Cause::bus_off,          Cause::envelope_exceeded,
         Cause::bus_error_passive, Cause::transmit_queue_full, Cause::receive_overflow, Cause::replies_lost,
         Cause::replies_repeated,  Cause::replies_delayed,     Cause::foreign_node,     Cause::bus_babble})
