@@ -2,6 +2,7 @@
 // takt config check | show | keys: what a robot file says, what is wrong with it, and what it may say.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -52,10 +53,12 @@ std::string lines_of(const std::vector<std::string>& cautions) {
 std::string contract_sentence(const config::RobotConfig& robot) {
   const config::Freshness& contract = robot.freshness;
   const Duration allowed{static_cast<std::int64_t>(contract.epsilon * static_cast<double>(contract.window.ns))};
-  std::string sentence =
-      fmt::format("a silence of {} beyond max_age {} degrades the robot",
-                  config::format_duration(allowed + robot.control.period), config::format_duration(contract.max_age));
-  if (robot.policy && allowed < robot.policy->period)
+  const Duration by_share = allowed + robot.control.period;
+  const Duration after = robot.degraded.after;
+  const Duration silence = after > Duration{} ? std::min(after, by_share) : by_share;
+  std::string sentence = fmt::format("a silence of {} beyond max_age {} degrades the robot",
+                                     config::format_duration(silence), config::format_duration(contract.max_age));
+  if (robot.policy && silence <= robot.policy->period)
     sentence += fmt::format("; the policy answers every {}: one late answer may be enough",
                             config::format_duration(robot.policy->period));
   return sentence;

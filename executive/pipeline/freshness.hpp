@@ -38,7 +38,7 @@ MonoTime spent_at(const CommandInUse& command, const CommandHeader& header);
 // When the command dies: it is max_age old or its chunk is spent, whichever comes first.
 MonoTime valid_until(const CommandInUse& command, const CommandHeader& header, const FreshnessContract& contract);
 
-// Memory of the hysteresis.
+// Memory of the hysteresis, and of the evidence against the policy.
 struct Recovery {
   MonoTime usable_since;    // start of the present unbroken run of usable ticks; unset while broken
   MonoTime last_usable_at;  // newest tick with a usable command; unset before the first
@@ -49,6 +49,7 @@ struct Recovery {
   std::uint32_t longest_silence = 0;  // since the excess was last zero
 };
 
+// Longest silences: the more, the surer and the later.
 inline constexpr double kEvidence = 11;
 
 constexpr bool is_violated(const Recovery& recovery, const FreshnessContract& contract) {

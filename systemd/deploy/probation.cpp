@@ -75,8 +75,7 @@ Stage Probation::prove(Duration now, const StatusSnapshot& status) {
     case Mode::tracking:
       break;
     case Mode::degraded:
-      return end(Stage::failed,
-                 fmt::format("the robot was degraded after {:.1f} s of tracking: its policy was late", tracked));
+      return end(Stage::failed, fmt::format("the robot was degraded after {:.1f} s of tracking", tracked));
     case Mode::fault_latched:
       return end(Stage::failed, fmt::format("a fault was latched after {:.1f} s of tracking", tracked));
     case Mode::damped_stop:

@@ -20,7 +20,7 @@ constexpr double kAnyError_m = 1e9;
 std::string trouble_in(const panel::RolloutRow& row) {
   if (row.safety.entered_fault_latched > 0) return fmt::format("a fault was latched: {}", name(row.final_cause));
   if (row.safety.entered_damped_stop > 0) return fmt::format("it came to a damped stop: {}", name(row.final_cause));
-  if (row.safety.entered_degraded > 0) return "the robot was degraded: its policy was late";
+  if (row.safety.entered_degraded > 0) return "the robot was degraded";
   if (row.safety.envelope_violations > 0)
     return fmt::format("measured values left the envelope in {} ticks", row.safety.envelope_violations);
   if (row.final_mode != Mode::tracking)

@@ -15,6 +15,7 @@
 #include <regex>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include "tests/cli/shell.hpp"
 #include "tests/process/patient_copy.hpp"
@@ -191,6 +192,17 @@ TEST_F(Cli, ConfigCheckNamesProblemsAndEndsWith65) {
 // Goal: what a process would refuse at its start is said before anything is started. Method: the demo robot with one
 // fault each: an observation one value too wide, a model that is not there, a link that branches off; a host
 // of one's own judges its policy itself.
+// The shorter of two: degraded.after, and more than epsilon of the window at one go.
+TEST_F(Cli, ConfigCheckSaysWhichSilenceDegradesTheRobot) {
+  const auto says = [](const std::string& robot, const std::string& silence) {
+    const std::string output = run("config check " + robot).output;
+    EXPECT_NE(output.find("a silence of " + silence + " beyond max_age"), std::string::npos) << output;
+  };
+  says(robot_, "11 ms");
+  for (const auto& [after, silence] : {std::pair{"5 ms", "5 ms"}, std::pair{"40 ms", "11 ms"}})
+    says(::takt::test::patient_copy("config/arm6.yaml", directory(), {{"degraded.after", after}}), silence);
+}
+
 TEST_F(Cli, ConfigCheckRefusesWhatHostAndPlantWould) {
   const auto checked = [&](const std::string& from, const std::string& to, const std::string& more = "") {
     std::ifstream file("config/arm6.yaml");
