@@ -14,6 +14,7 @@ import random
 import subprocess
 import sys
 import tempfile
+import textwrap
 
 import yaml
 
@@ -118,7 +119,7 @@ def main():
     panel = panel_of(root)
     if sys.argv[3:] == ["--write"]:
         rollouts, sentence = run(takt, panel, lambda artifact: verdict(takt, artifact))
-        page.write_text(before + BEGIN + sentence + "\n\n" + table_of(rows_of(rollouts)) + END + after)
+        page.write_text(before + BEGIN + textwrap.fill(sentence, 120) + "\n\n" + table_of(rows_of(rollouts)) + END + after)
         return
     table = made[made.index("| task"):]
     told = [[cell.strip(" `") for cell in line.strip("|\n").split("|")] for line in table.splitlines()[2:]]
