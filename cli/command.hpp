@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The subcommands of `takt`: one file each, listed in one table (commands.cpp; operator_commands.cpp).
+// The subcommands of `takt`: one file each, listed in one table of the program that carries them
+// (operator_commands.cpp: takt; commands.cpp: takt-operate; lab/main.cpp: takt-lab).
 //
 // An AddCommand adds its subcommand to the application; when the user picked it, the subcommand's callback runs the
 // command and stores the exit code. To add a command: write its file, declare it here, add one line to the table.
@@ -36,6 +37,14 @@ int fail(std::string_view command, const std::string& sentence);  // "takt repor
 
 using AddCommand = void (*)(CLI::App& app, int& exit_code);
 
+inline constexpr const char* kNoGroup = "Subcommands";  // CLI11's title of commands that have no other
+
+// Commands that `takt help` lists under one title.
+struct CommandGroup {
+  const char* title;
+  std::span<const AddCommand> commands;
+};
+
 void add_run(CLI::App& app, int& exit_code);
 void add_runs(CLI::App& app, int& exit_code);
 void add_arm(CLI::App& app, int& exit_code);
@@ -50,7 +59,7 @@ void add_report(CLI::App& app, int& exit_code);
 void add_replay(CLI::App& app, int& exit_code);
 void add_panel(CLI::App& app, int& exit_code);
 void add_trace(CLI::App& app, int& exit_code);
-void add_trace_review(CLI::App& trace, int& exit_code);  // below add_trace's
+void add_trace_review(CLI::App& app, int& exit_code);
 void add_config(CLI::App& app, int& exit_code);
 void add_bus(CLI::App& app, int& exit_code);
 void add_bus_scan(CLI::App& bus, int& exit_code);      // below add_bus's
@@ -68,11 +77,11 @@ void add_ablate(CLI::App& app, int& exit_code);
 void add_ages(CLI::App& app, int& exit_code);
 void add_export(CLI::App& app, int& exit_code);
 void add_policy(CLI::App& app, int& exit_code);
-void add_policy_check(CLI::App& policy, int& exit_code);      // below add_policy's
-void add_policy_try(CLI::App& policy, int& exit_code);        // below add_policy's
-void add_policy_replay(CLI::App& policy, int& exit_code);     // below add_policy's
-void add_policy_calibrate(CLI::App& policy, int& exit_code);  // below add_policy's, as are the next three
-void add_policy_shadow(CLI::App& policy, int& exit_code);
+void add_policy_check(CLI::App& policy, int& exit_code);  // below add_policy's
+void add_policy_try(CLI::App& app, int& exit_code);
+void add_policy_replay(CLI::App& policy, int& exit_code);  // below add_policy's
+void add_policy_calibrate(CLI::App& app, int& exit_code);
+void add_policy_shadow(CLI::App& policy, int& exit_code);  // below add_policy's, as are the next two
 void add_policy_swap(CLI::App& policy, int& exit_code);
 void add_policy_back(CLI::App& policy, int& exit_code);
 void add_doctor(CLI::App& app, int& exit_code);
@@ -87,10 +96,10 @@ void add_config_new(CLI::App& config, int& exit_code);
 // Those that stop a robot or tell of it, which program `takt` carries itself: it links no library but libstdc++ and
 // libc, so that half an upgrade leaves them working.
 std::span<const AddCommand> operator_commands();
-// All of them, those included: program `takt-operate`, to which `takt` hands every other command.
-std::span<const AddCommand> commands();
+// Those included, all that run a robot, set one up and look at its runs: program `takt-operate`.
+std::span<const CommandGroup> commands();
 
 // Parses, runs, returns the exit code.
-int run_command_line(std::span<const AddCommand> commands, int argc, const char* const* argv);
+int run_command_line(std::span<const CommandGroup> groups, int argc, const char* const* argv);
 
 }  // namespace takt::cli

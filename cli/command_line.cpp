@@ -16,10 +16,17 @@ namespace {
 
 // Listed like a command; `takt help X` is read as `takt X --help`.
 void add_help(CLI::App& app) {
-  CLI::App* command = app.add_subcommand("help", "Say what a command does and which options it has.");
-  command->footer(
+  CLI::App* const command = app.add_subcommand("help", "Say what a command does and which options it has.");
+  command->group("Help")->footer(
       "Examples: takt help; takt help run; takt help config check\n"
       "Exit codes: 0 said, 64 there is no such command.");
+}
+
+void add_group(CLI::App& app, const CommandGroup& group, int& exit_code) {
+  for (const AddCommand add : group.commands) add(app, exit_code);
+  const auto is_new = [](const CLI::App* command) { return command->get_group() == kNoGroup; };
+  for (CLI::App* const command : app.get_subcommands([](const CLI::App*) { return true; }))
+    if (is_new(command)) command->group(group.title);
 }
 
 std::vector<std::string> without_help_verb(std::vector<std::string> words) {
@@ -69,7 +76,7 @@ int fail(std::string_view command, const std::string& sentence) {
   return kExitFailed;
 }
 
-int run_command_line(std::span<const AddCommand> commands, int argc, const char* const* argv) {
+int run_command_line(std::span<const CommandGroup> groups, int argc, const char* const* argv) {
   CLI::App app("Runs learned policies on robots in real time, and keeps the evidence.", "takt");
   app.set_version_flag("--version", fmt::format("takt {}", version()));
   app.require_subcommand(1);
@@ -77,7 +84,7 @@ int run_command_line(std::span<const AddCommand> commands, int argc, const char*
       "Exit codes: 0 done, 1 refused or failed, 2 not all is well (run, replay), 64 command line, 65 configuration, 69 "
       "not running, 70 bug, 71 set-up.");
   int exit_code = kExitOk;
-  for (const AddCommand add : commands) add(app, exit_code);
+  for (const CommandGroup& group : groups) add_group(app, group, exit_code);
   add_help(app);
   try {
     const int parsed = parse(app, std::vector<std::string>(argv + std::min(argc, 1), argv + argc));

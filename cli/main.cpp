@@ -1,17 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// `takt`: stops a robot and tells of it by itself, and hands every other command to takt-operate, beside it.
-#include <unistd.h>
-
+// `takt`: stops a robot and tells of it by itself, and hands every other command to takt-operate or takt-lab, beside
+// it.
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
-#include <filesystem>
 #include <span>
-#include <string>
 #include <string_view>
 
 #include "cli/command.hpp"
+#include "cli/hand_over.hpp"
+#include "cli/lab_commands.hpp"
 
 namespace takt::cli {
 namespace {
@@ -24,20 +20,15 @@ bool is_own(std::string_view word) {
                              [word](const CLI::App* command) { return command->get_name() == word; });
 }
 
-// takt stop ..., takt help stop ..., takt --version.
-bool is_own(std::span<char* const> words) {
-  if (words.size() > 1 && std::string_view(words[0]) == "help") return is_own(words[1]);
-  if (words.size() == 1 && std::string_view(words[0]) == "--version") return true;
-  return !words.empty() && is_own(words[0]);
+// What `takt help` is asked about, or what it is to do.
+std::span<char* const> asked(std::span<char* const> words) {
+  return words.size() > 1 && std::string_view(words[0]) == "help" ? words.subspan(1) : words;
 }
 
-int hand_over(char** argv) {
-  std::error_code error;
-  const auto program = std::filesystem::read_symlink("/proc/self/exe", error).parent_path() / "takt-operate";
-  execv(program.c_str(), argv);
-  std::fprintf(stderr, "takt: %s cannot be started: %s; it comes with takt: install that again\n", program.c_str(),
-               std::strerror(errno));
-  return kExitUnavailable;
+// takt stop ..., takt help stop ..., takt --version.
+bool is_own(std::span<char* const> words) {
+  if (words.size() == 1 && std::string_view(words[0]) == "--version") return true;
+  return !words.empty() && is_own(asked(words)[0]);
 }
 
 }  // namespace
@@ -46,5 +37,9 @@ int hand_over(char** argv) {
 int main(int argc, char** argv) {
   using namespace takt::cli;
   const std::span<char* const> words(argv + (argc > 0 ? 1 : 0), argv + argc);
-  return is_own(words) ? run_command_line(operator_commands(), argc, argv) : hand_over(argv);
+  if (is_own(words)) {
+    const CommandGroup own{"Run a robot", operator_commands()};
+    return run_command_line({&own, 1}, argc, argv);
+  }
+  return hand_over(is_of_the_lab(asked(words)) ? kLabProgram : kOperateProgram, argv);
 }

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # The Debian packages: what they hold beside programs, units and exported libraries, and how CPack makes them (`./dev
-# package`). `takt` is what a robot PC runs; `takt-engine-torchscript` adds TorchScript; `takt-dev` builds policies, worlds and engines in C; `python3-takt` is for policies in Python.
+# package`). `takt` is what a robot PC runs; `takt-lab` evaluates policies and runs; `takt-engine-torchscript` adds TorchScript; `takt-dev` builds policies, worlds and engines in C; `python3-takt` is for policies in Python.
 
 # The demo robot, ready to start: what /etc/takt/deployments/demo points to, and /etc/takt/robot at first. It is no file of
 # the owner's, so that no upgrade asks about it. Its buses have names that no adapter has: a simulated robot must never meet real drives.
@@ -35,7 +35,7 @@ endif()
 # Manual pages and shell completion, out of the programs themselves. Not part of `all`: only the package wants them.
 add_custom_target(takt-manual
   COMMAND ${package_files}/manual.py $<TARGET_FILE_DIR:takt> ${PROJECT_VERSION} ${share}
-  DEPENDS takt takt-executive takt-policy-host takt-plant takt-monitor takt-imu takt-ros-sensors takt-policy-bridge takt-policy-server
+  DEPENDS takt takt-executive takt-policy-host takt-plant takt-monitor takt-imu $<TARGET_NAME_IF_EXISTS:takt-ros-sensors> takt-policy-bridge takt-policy-server
   COMMENT "Manual pages and shell completion")
 # What is in the programs, by the programs and this machine's packages.
 add_custom_command(TARGET takt-manual POST_BUILD VERBATIM
@@ -47,6 +47,10 @@ add_dependencies(takt-manual takt-check-robot)
 get_property(installed GLOBAL PROPERTY TAKT_INSTALLED)
 add_dependencies(takt-manual ${installed})
 install(DIRECTORY ${share}/man ${share}/bash-completion ${share}/zsh ${share}/fish DESTINATION ${CMAKE_INSTALL_DATADIR} OPTIONAL)
+if(TAKT_WITH_LAB)
+  add_dependencies(takt-manual takt-lab)
+  install(DIRECTORY ${share}/lab/man DESTINATION ${CMAKE_INSTALL_DATADIR} COMPONENT lab OPTIONAL)
+endif()
 
 # By commit, so that two builds of one release are two packages and dpkg knows the newer one. `./dev package` configures anew.
 takt_identify(${CMAKE_SOURCE_DIR} ${PROJECT_VERSION})
@@ -101,7 +105,7 @@ set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON) # libtakt-client: who links it need
 set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS_POLICY "=")
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_DEPENDS "systemd | systemd-standalone-sysusers, systemd | systemd-standalone-tmpfiles, iproute2")
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_RECOMMENDS "linux-image-rt-amd64 | linux-image-rt-arm64")
-set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "can-utils, lttng-tools, babeltrace2")
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "takt-lab, can-utils, lttng-tools, babeltrace2")
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_EXTRA ${package_files}/preinst ${package_files}/postinst ${package_files}/prerm ${package_files}/postrm
     ${package_files}/conffiles ${package_files}/triggers ${CMAKE_BINARY_DIR}/package-check/check-robot)
@@ -117,6 +121,25 @@ limits, and records why, so that the decision can be replayed bit for bit.
 This package holds the executive, the policy host for ONNX policies, the
 monitor, a simulated robot, the takt command and systemd units. Nothing is
 started when it is installed.")
+
+# What was in package takt until there was this one.
+if(TAKT_WITH_LAB)
+  list(APPEND CPACK_COMPONENTS_ALL lab)
+  install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${package_files}/copyright
+          DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/takt-lab COMPONENT lab)
+endif()
+set(CPACK_DEBIAN_LAB_PACKAGE_NAME takt-lab)
+set(CPACK_DEBIAN_LAB_PACKAGE_SECTION misc)
+set(CPACK_DEBIAN_LAB_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_LAB_PACKAGE_DEPENDS "takt (= ${takt_version}-1)")
+set(CPACK_DEBIAN_LAB_PACKAGE_BREAKS "takt (<< ${takt_version}-1)")
+set(CPACK_DEBIAN_LAB_PACKAGE_REPLACES "takt (<< ${takt_version}-1)")
+set(CPACK_DEBIAN_LAB_DESCRIPTION
+"evaluation of learned robot policies with Takt
+Takt runs learned policies on robots in real time. This package holds what
+tells good policies from bad ones: panels of rollouts and their artifacts,
+paired comparisons, margins, budgets, audits and seals, the review of LTTng
+traces, and the export of runs as data sets. No robot needs it to run.")
 
 # What is built with it needs nothing of this package; what it talks to has to be of the same build.
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)

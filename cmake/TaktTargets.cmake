@@ -55,15 +55,19 @@ function(takt_library name)
   endif()
 endfunction()
 
+# takt_program(NAME SOURCES... DEPENDS... [COMPONENT package]); without a component it comes with package takt.
 function(takt_program name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
+  cmake_parse_arguments(ARG "" "COMPONENT" "SOURCES;DEPENDS" ${ARGN})
+  if(NOT ARG_COMPONENT)
+    set(ARG_COMPONENT ${CMAKE_INSTALL_DEFAULT_COMPONENT_NAME})
+  endif()
   add_executable(${name} ${ARG_SOURCES} $<TARGET_OBJECTS:takt_program_version>)
   target_link_libraries(${name} PRIVATE takt_options ${ARG_DEPENDS})
   # No symbol is looked up while it runs: inside the loop that is time nobody planned.
   target_link_options(${name} PRIVATE LINKER:-z,now)
   set_property(GLOBAL APPEND PROPERTY TAKT_PROGRAMS ${name})
   set_property(GLOBAL APPEND PROPERTY TAKT_INSTALLED ${name})
-  install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+  install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT ${ARG_COMPONENT})
 endfunction()
 
 # takt_engine(NAME SOURCES... DEPENDS... COMPONENT...): a plugin of the policy host (policy_host/takt/engine.h), in lib/takt/engines

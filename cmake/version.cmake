@@ -9,7 +9,7 @@
 
 function(takt_identify root release)
   set(sources)
-  foreach(room executive config drivers policy_host monitor simulation evidence)
+  foreach(room executive config drivers policy_host monitor simulation evidence lab)
     file(GLOB_RECURSE found RELATIVE ${root} ${root}/${room}/*.cpp ${root}/${room}/*.hpp ${root}/${room}/CMakeLists.txt)
     list(APPEND sources ${found})
   endforeach()

@@ -10,7 +10,7 @@
 namespace takt::config {
 
 // Sentences of one line, none where there is nothing to say. Whether what is offered as safe was ever shown to be, is
-// evidence's to say (evidence/judge/attestation.hpp).
+// evidence's to say (evidence/attestation/attestation.hpp).
 std::vector<std::string> cautions_about(const RobotConfig& robot);
 // Its share of values that hurt in silence: key, reason, cure (cautions_values.cpp).
 void add_cautions_of_values(const RobotConfig& robot, std::vector<std::string>& lines);

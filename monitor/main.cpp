@@ -204,6 +204,13 @@ int monitor_robot(Options options) {
     fmt::print(stderr, "{}\n", robot.error());
     return config::kExitBadConfiguration;
   }
+  if (robot->otlp && !robot->otlp->endpoint.empty() && !OtlpSender::is_built_in()) {
+    fmt::print(stderr,
+               "{}: otlp.endpoint: this takt-monitor was built without HTTP: build with TAKT_WITH_OTLP, or leave "
+               "the key out; the run folder has the same files\n",
+               robot->file);
+    return config::kExitBadConfiguration;
+  }
   if (options.runtime_directory.empty()) options.runtime_directory = config::default_runtime_directory(robot->robot);
   std::uint64_t policy_hash = 0;
   if (robot->policy) policy_hash = config::policy_hash(robot->policy->file).value_or(0);

@@ -254,8 +254,6 @@ void add_trace(CLI::App& app, int& exit_code) {
 
   CLI::App* end = command->add_subcommand("stop", "End the trace and say where it lies.");
   end->callback([&exit_code] { exit_code = exit_code_of(stop()); });
-
-  add_trace_review(*command, exit_code);
 }
 
 }  // namespace takt::cli

@@ -9,9 +9,7 @@ void add_policy(CLI::App& app, int& exit_code) {
       app.add_subcommand("policy", "Say what a policy file is, replay what it said, change it on a live robot.");
   parent->require_subcommand(1);
   add_policy_check(*parent, exit_code);
-  add_policy_try(*parent, exit_code);
   add_policy_replay(*parent, exit_code);
-  add_policy_calibrate(*parent, exit_code);
   add_policy_shadow(*parent, exit_code);
   add_policy_swap(*parent, exit_code);
   add_policy_back(*parent, exit_code);

@@ -15,7 +15,7 @@
 #include "config/key_table.hpp"
 #include "config/load.hpp"
 #include "config/units.hpp"
-#include "evidence/judge/attestation.hpp"
+#include "evidence/attestation/attestation.hpp"
 
 namespace takt::cli {
 namespace {

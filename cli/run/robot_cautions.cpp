@@ -5,7 +5,7 @@
 
 #include "cli/run/checked_robot.hpp"
 #include "config/cautions.hpp"
-#include "evidence/judge/attestation.hpp"
+#include "evidence/attestation/attestation.hpp"
 
 namespace takt::cli {
 

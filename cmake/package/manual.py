@@ -4,7 +4,8 @@
 
 Writes OUT_DIR/man/man1/*.1.gz, one page per program and per first-level subcommand of takt (takt-run.1: takt run),
 man5/takt.robot.5.gz out of `takt config keys`, OUT_DIR/bash-completion/completions/takt with links for the other
-programs, zsh/vendor-completions/_takt and fish/vendor_completions.d/*.fish. Nothing is written by hand, so nothing can
+programs, zsh/vendor-completions/_takt and fish/vendor_completions.d/*.fish. Pages of commands that program takt-lab carries lie in
+OUT_DIR/lab/man/man1; where it was not built, they and their completion are left out. Nothing is written by hand, so nothing can
 name an option that is gone. The same input gives the same bytes. Exit codes: 0 written; 1 a program's help is missing
 an example or its exit codes; 64 command line.
 """
@@ -19,6 +20,9 @@ PROGRAMS = ("takt", "takt-executive", "takt-policy-host", "takt-plant", "takt-mo
             "takt-policy-bridge", "takt-policy-server")
 COLUMN = 30  # CLI11's
 SECTIONS = ("Positionals:", "Options:", "Subcommands:")
+UNAVAILABLE = 69
+LAB = "Evaluate, by package takt-lab:"
+TITLES = ("Run a robot:", "Set one up:", "Look at runs:", LAB, "Help:")  # of takt's own subcommands
 
 
 class Help:
@@ -33,7 +37,11 @@ class Help:
         self.summary, _, more = before.strip().partition("\n")
         self.sections, footer = entries(after)
         self.notes, self.example, self.exit_codes = sort_footer(more.splitlines() + footer)
-        self.children = [Help(bin_dir, words + [name]) for name, _ in self.sections.get("Subcommands:", [])]
+        self.of_lab = {name for name, _ in self.sections.get(LAB, [])}
+        commands = [entry for heading in list(self.sections) if heading not in SECTIONS[:2] for entry in self.sections.pop(heading)]
+        if commands:
+            self.sections["Subcommands:"] = commands
+        self.children = [Help(bin_dir, words + [name]) for name, _ in commands if is_there(bin_dir, words + [name])]
 
     @property
     def name(self):
@@ -52,6 +60,11 @@ class Help:
         return own + [problem for child in self.children for problem in child.problems()]
 
 
+def is_there(bin_dir, words):
+    """Not so what takt-lab carries, where that was not built."""
+    return subprocess.run([bin_dir / words[0], *words[1:], "--help"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode != UNAVAILABLE
+
+
 def entries(text):
     """({section: [(term, meaning)]}, footer lines). Entries of an option group are options too, and what the group
     demands ("Exactly 1 of the following options is required") is an entry of its own without a meaning."""
@@ -59,7 +72,7 @@ def entries(text):
     lines = text.splitlines()
     for line, below in zip(lines, lines[1:] + [""]):
         heading = line.strip()
-        if heading in SECTIONS:
+        if heading in SECTIONS + TITLES:
             section = heading
         elif heading.startswith("[Option Group"):
             section = "Options:"
@@ -251,18 +264,21 @@ def main():
         print(__doc__, file=sys.stderr)
         return 64
     bin_dir, version, out = pathlib.Path(sys.argv[1]).resolve(), sys.argv[2], pathlib.Path(sys.argv[3])
-    programs = [Help(bin_dir, [program]) for program in PROGRAMS]
+    programs = [Help(bin_dir, [program]) for program in PROGRAMS if (bin_dir / program).exists()]
     problems = [problem for help_ in programs for problem in help_.problems()]
     if problems:
         print("\n".join(problems), file=sys.stderr)
         return 1
     pages = programs + programs[0].children
     (out / "man/man1").mkdir(parents=True, exist_ok=True)
+    (out / "lab/man/man1").mkdir(parents=True, exist_ok=True)
     for help_ in pages:
-        path = out / "man/man1" / ("-".join(help_.words) + ".1.gz")
+        of_lab = help_.words[-1] in programs[0].of_lab
+        path = out / ("lab/man/man1" if of_lab else "man/man1") / ("-".join(help_.words) + ".1.gz")
         path.write_bytes(gzip.compress(page(help_, version, pages).encode(), 9, mtime=0))
-    # Runs every command that `takt` hands on: same pages.
-    (out / "man/man1/takt-operate.1.gz").write_bytes(gzip.compress(b".so man1/takt.1\n", 9, mtime=0))
+    # They run the commands that `takt` hands on: same pages.
+    for path in (out / "man/man1/takt-operate.1.gz", out / "lab/man/man1/takt-lab.1.gz"):
+        path.write_bytes(gzip.compress(b".so man1/takt.1\n", 9, mtime=0))
     folder = out / "bash-completion/completions"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "takt").write_text(completion(programs))
@@ -270,7 +286,7 @@ def main():
         (folder / other).unlink(missing_ok=True)
         (folder / other).symlink_to("takt")
     write(out / "zsh/vendor-completions/_takt", zsh_completion(programs).encode())
-    for program in PROGRAMS:
+    for program in (help_.name for help_ in programs):
         write(out / f"fish/vendor_completions.d/{program}.fish", fish_completion(programs, program).encode())
     write(out / "man/man5/takt.robot.5.gz", gzip.compress(robot_page(bin_dir, version).encode(), 9, mtime=0))
     return 0

@@ -18,11 +18,11 @@
 #include <string_view>
 
 #include "config/robot_config.hpp"
-#include "evidence/artifact/rollout_row.hpp"
 #include "evidence/rollout/base_velocity_world.hpp"
 #include "evidence/rollout/fallback_host.hpp"
 #include "evidence/rollout/method.hpp"
 #include "evidence/rollout/perturbation.hpp"
+#include "evidence/rollout/rollout_row.hpp"
 #include "evidence/rollout/virtual_policy.hpp"
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/tick_record.hpp"

@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "evidence/artifact/rollout_row.hpp"
 #include "evidence/rollout/perturbation.hpp"
+#include "evidence/rollout/rollout_row.hpp"
 #include "executive/contract/joints.hpp"
 #include "executive/contract/tick_record.hpp"
 #include "monitor/judge/metrics_collector.hpp"

@@ -79,6 +79,10 @@ void survive_hang_ups() {
 
 }  // namespace
 
+bool OtlpSender::is_built_in() {
+  return true;
+}
+
 OtlpSender::OtlpSender(const std::string& endpoint) : OtlpSender(endpoint, Patience{}) {}
 
 OtlpSender::OtlpSender(const std::string& endpoint, Patience patience) : endpoint_(endpoint), patience_(patience) {

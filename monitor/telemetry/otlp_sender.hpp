@@ -33,6 +33,8 @@ class OtlpSender {
   // `endpoint`: scheme://host[:port][/path]; /v1/traces, /v1/metrics and /v1/logs are put behind it.
   explicit OtlpSender(const std::string& endpoint);
   OtlpSender(const std::string& endpoint, Patience patience);
+  // False where the build has no HTTP (TAKT_WITH_OTLP): none may be constructed then.
+  static bool is_built_in();
   // After the request under way, tries each that waits once more, for two seconds at most.
   ~OtlpSender();
   OtlpSender(const OtlpSender&) = delete;

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "evidence/review/trace/trace_reader.hpp"
+#include "lab/trace/trace_reader.hpp"
 #include "monitor/record/recorded_run.hpp"
 #include "tests/bench/bench.hpp"
 #include "tests/process/running_robot.hpp"

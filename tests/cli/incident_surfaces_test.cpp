@@ -12,7 +12,7 @@
 #include "cli/run/status_text.hpp"
 #include "cli/top/live_view.hpp"
 #include "cli/top/screen.hpp"
-#include "evidence/judge/post_mortem.hpp"
+#include "lab/judge/post_mortem.hpp"
 #include "evidence/review/report/report_html.hpp"
 #include "evidence/review/report/report_text.hpp"
 #include "evidence/review/run_review.hpp"

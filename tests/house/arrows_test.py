@@ -39,22 +39,26 @@ MAY_USE = {
     "simulation": f"{SHARED} executive/log drivers/bus drivers/protocol client",
     "evidence/review": f"{SHARED} executive/incident executive/pipeline executive/setup monitor/record monitor/judge",
     "evidence/policy": f"{SHARED} policy_host monitor/record",
-    "evidence/artifact": f"{SHARED} monitor/record monitor/judge evidence/review",
-    "evidence/data_set": f"{SHARED} monitor/record evidence/artifact",
-    "evidence/judge": f"{SHARED} executive/incident monitor/record monitor/judge evidence/review evidence/artifact",
-    "evidence/rollout": f"{SHARED} executive/pipeline executive/setup drivers/bus drivers/protocol drivers/guard policy_host "
-                        "monitor/judge simulation evidence/artifact",
-    "evidence/panel": f"{SHARED} executive/incident policy_host simulation monitor/record monitor/judge evidence/artifact evidence/judge evidence/rollout",
-    "evidence/study": f"{SHARED} executive/pipeline executive/setup drivers/protocol simulation monitor/record monitor/judge evidence/review evidence/judge "
-                      "evidence/rollout evidence/panel",
+    "evidence/attestation": f"{SHARED} monitor/record monitor/judge",
+    "evidence/rollout": f"{SHARED} executive/pipeline executive/setup drivers/bus drivers/protocol drivers/guard policy_host monitor/judge simulation",
+    # Nothing that runs a robot may need the lab.
+    "lab/artifact": f"{SHARED} monitor/record monitor/judge evidence/review evidence/rollout",
+    "lab/data_set": f"{SHARED} monitor/record lab/artifact",
+    "lab/judge": f"{SHARED} executive/incident monitor/record monitor/judge evidence/attestation evidence/review evidence/rollout lab/artifact",
+    "lab/panel": f"{SHARED} executive/incident policy_host simulation monitor/record monitor/judge evidence/attestation evidence/rollout lab/artifact lab/judge",
+    "lab/study": f"{SHARED} executive/pipeline executive/setup drivers/protocol simulation monitor/record monitor/judge evidence/review evidence/rollout "
+                 "lab/judge lab/panel",
+    "lab/trace": f"{SHARED} monitor/record monitor/judge",
+    "lab/policy_trial": f"{SHARED} policy_host",
     "systemd/doctor": f"{SHARED} drivers/bus",
     "systemd/deploy": f"{SHARED} policy_host evidence/rollout",
-    "cli/run": f"{SHARED} executive/incident cli drivers/protocol policy_host monitor/record simulation evidence/judge",
-    "cli/evidence": f"{SHARED} cli cli/run monitor/record monitor/judge evidence/artifact evidence/data_set evidence/judge evidence/panel "
-                    "evidence/review evidence/rollout evidence/study",
+    "cli/run": f"{SHARED} executive/incident cli drivers/protocol policy_host monitor/record simulation evidence/attestation",
+    "cli/evidence": f"{SHARED} cli cli/run monitor/record monitor/judge evidence/review",
+    "cli/lab": f"{SHARED} cli cli/run policy_host monitor/record monitor/judge evidence/attestation evidence/review evidence/rollout "
+               "lab/artifact lab/data_set lab/judge lab/panel lab/policy_trial lab/study lab/trace",
     "cli/policy": f"{SHARED} cli policy_host monitor/record evidence/policy",
     "cli/top": f"{SHARED} executive/incident cli cli/run cli/evidence drivers/protocol monitor monitor/record monitor/judge monitor/telemetry",
-    "cli/robot": f"{SHARED} executive/setup cli cli/run drivers/bus drivers/protocol drivers/tools drivers/torque_output monitor/record policy_host sensors simulation systemd/deploy systemd/doctor evidence/judge",
+    "cli/robot": f"{SHARED} executive/setup cli cli/run drivers/bus drivers/protocol drivers/tools drivers/torque_output monitor/record policy_host sensors simulation systemd/deploy systemd/doctor evidence/attestation",
     "cli": f"{SHARED}",
 }
 

@@ -33,8 +33,10 @@ def help_of(bin_dir, words):
 
 
 def subcommands(text):
-    below = text.partition("\nSubcommands:\n")[2].partition("\n\n")[0]
-    return re.findall(r"^  (\S+)", below, re.M)
+    """Under whichever title."""
+    titled = re.findall(r"^([A-Z][\w, -]+):\n((?:  .*\n)+)", text + "\n", re.M)
+    return [name for title, below in titled if title not in ("Options", "Positionals") and not title.startswith("Example")
+            for name in re.findall(r"^  (\S+)", below, re.M)]
 
 
 def rendered(page):
@@ -45,12 +47,13 @@ def rendered(page):
 
 def words_of(text):
     """What a reader looks for; layout and column breaks apart."""
-    return set(re.findall(r"[\w-]{4,}", re.sub(r"^\[Option Group.*\n.*|^Usage:.*", "", text, flags=re.M)))
+    return set(re.findall(r"[\w-]{4,}", re.sub(r"^\[Option Group.*\n.*|^Usage:.*|^[A-Z][\w, -]+:$", "", text, flags=re.M)))
 
 
 def page_problems(out, bin_dir, words):
-    page = out / "man/man1" / ("-".join(words) + ".1.gz")
-    if not page.exists():
+    name = "-".join(words) + ".1.gz"
+    page = next((folder / name for folder in (out / "man/man1", out / "lab/man/man1") if (folder / name).exists()), None)
+    if page is None:
         return [f"no page for {' '.join(words)}"]
     text, warnings = rendered(page)
     problems = [f"{page.name}: {warnings}"] if warnings else []

@@ -7,8 +7,8 @@
 #include <stdexcept>
 
 #include "executive/contract/version.hpp"
-#include "tests/evidence/artifact/sample_artifact.hpp"
-#include "tests/evidence/artifact/sample_rows.hpp"
+#include "tests/lab/artifact/sample_artifact.hpp"
+#include "tests/lab/artifact/sample_rows.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
 
 namespace {

@@ -6,9 +6,9 @@
 
 #include <cstdio>
 
-#include "evidence/judge/chunk_detection.hpp"
-#include "evidence/panel/panel_file.hpp"
-#include "evidence/panel/panel_plan.hpp"
+#include "lab/judge/chunk_detection.hpp"
+#include "lab/panel/panel_file.hpp"
+#include "lab/panel/panel_plan.hpp"
 
 namespace takt::panel {
 namespace {

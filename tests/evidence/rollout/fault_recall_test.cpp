@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <map>
 
-#include "evidence/artifact/confusion.hpp"
+#include "lab/artifact/confusion.hpp"
 #include "monitor/judge/fault_classifier.hpp"
 #include "tests/evidence/rollout/arm_rollouts.hpp"
 

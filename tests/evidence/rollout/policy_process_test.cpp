@@ -11,8 +11,8 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "evidence/panel/panel_plan.hpp"
-#include "evidence/panel/worker_pool.hpp"
+#include "lab/panel/panel_plan.hpp"
+#include "lab/panel/worker_pool.hpp"
 #include "evidence/rollout/rollout.hpp"
 #include "tests/evidence/rollout/arm_rollouts.hpp"
 

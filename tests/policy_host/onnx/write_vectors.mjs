@@ -12,7 +12,7 @@ const ort = createRequire(new URL("../../node/package.json", import.meta.url))("
 const observations = 16;
 const endings = [["_in", "_out"], [".in", ".out"], ["h0", "hn"], ["c0", "cn"]];
 
-// The sequence of policy_host/policy_trial.cpp.
+// The sequence of lab/policy_trial/policy_trial.cpp.
 function generator() {
   let state = 1;
   return (values) => {

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+// takt audit: is a panel's artifact, a run folder, or an attestation ready to be audited, what is missing, and what the
+// verdict rests on.
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
+#include <expected>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <random>
+#include <vector>
+
+#include "cli/command.hpp"
+#include "cli/lab_commands.hpp"
+#include "cli/run/policy_host_option.hpp"
+#include "cli/world_option.hpp"
+#include "evidence/attestation/attestation.hpp"
+#include "lab/artifact/signature.hpp"
+#include "lab/judge/audit.hpp"
+#include "lab/judge/post_mortem.hpp"
+#include "lab/judge/run_audit.hpp"
+#include "lab/panel/attested_again.hpp"
+#include "lab/panel/kept_inputs.hpp"
+#include "lab/panel/panel_promise.hpp"
+#include "lab/panel/recompute.hpp"
+#include "monitor/record/bounded_file.hpp"
+
+namespace takt::cli {
+namespace {
+
+constexpr const char* kCommand = "takt audit";
+
+struct AuditOptions {
+  std::string directory, recompute, panel, robot, world, policy_host, signed_by;
+  policy_host::Grants policy_may;
+  std::size_t workers = 1;
+  bool json = false, draft = false;
+};
+
+// "25%" or "6" of that many rows; at least one.
+std::optional<std::size_t> rows_of(std::string_view text, std::size_t rows) {
+  const bool is_share = text.ends_with('%');
+  if (is_share) text.remove_suffix(1);
+  double number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc{} || end != text.data() + text.size() || !(number > 0) || (is_share && number > 100))
+    return std::nullopt;
+  if (!is_share && number != std::floor(number)) return std::nullopt;
+  const double wanted = is_share ? std::ceil(number / 100 * static_cast<double>(rows)) : number;
+  return static_cast<std::size_t>(std::min(wanted, static_cast<double>(rows)));
+}
+
+std::uint64_t nonce() {
+  std::random_device device;
+  return (std::uint64_t{device()} << 32U) | device();
+}
+
+std::expected<panel::Recomputed, std::string> recomputed(const panel::Artifact& artifact, const AuditOptions& options,
+                                                         std::size_t rows) {
+  auto panel = panel::load_panel(options.panel.empty() ? artifact.folder.panel() : options.panel);
+  if (!panel) return std::unexpected(panel.error());
+  panel->robot = options.robot;
+  panel::keep_what_ran(artifact.manifest, *panel);
+  std::optional<panel::UnpackedInputs> kept;
+  if (options.panel.empty()) {
+    auto unpacked = panel::UnpackedInputs::unpack(artifact.folder);
+    if (!unpacked) return std::unexpected(unpacked.error());
+    kept.emplace(std::move(*unpacked));
+    for (panel::PanelTask& task : panel->tasks) {
+      const auto robot = kept->robots().find(std::string(panel::kTaskNames[static_cast<std::size_t>(task.task)]));
+      if (robot != kept->robots().end()) task.robot = robot->second;
+    }
+  }
+  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host, options.policy_may});
+  if (!contest) return std::unexpected(contest.error());
+  return panel::recompute(artifact, *contest, panel::drawn_rows(rows, artifact.rows.size(), nonce()), options.workers);
+}
+
+// Id of the key that the reader named, or why it did not sign; none: none was named.
+std::optional<std::expected<std::string, std::string>> signer(const AuditOptions& options) {
+  if (options.signed_by.empty()) return std::nullopt;
+  const auto key = monitor::read_file(options.signed_by);
+  if (!key) return std::unexpected(key.error());
+  return panel::check_signature(options.directory, *key);
+}
+
+int audit_run(const AuditOptions& options) {
+  if (!options.recompute.empty() || options.draft)
+    return refuse(kExitUsage, fmt::format("{}: {} is a run folder: --recompute and --draft are for a panel's artifact",
+                                          kCommand, options.directory));
+  const auto run = monitor::open_run(options.directory);
+  if (!run) return fail(kCommand, run.error());
+  panel::RunAudit result = panel::audit_run(*run);
+  result.signed_by = signer(options);
+  fmt::print("{}", options.json ? panel::to_json(result).dump() + "\n" : panel::audit_text(result));
+  return result.is_consistent() ? kExitOk : kExitFailed;
+}
+
+std::vector<panel::PlannedRollout> drawn(const panel::Panel& panel, std::size_t count) {
+  const auto plan = panel::plan_of(panel, {});
+  std::vector<panel::PlannedRollout> some;
+  for (const std::size_t one : panel::drawn_rows(count, plan.size(), nonce())) some.push_back(plan[one]);
+  return some;
+}
+
+std::expected<panel::Recomputed, std::string> recomputed(const panel::Attestation& attestation,
+                                                         const AuditOptions& options) {
+  auto panel = panel::load_panel(options.panel);
+  if (!panel) return std::unexpected(panel.error());
+  panel->robot = options.robot;
+  if (const auto kept = panel::keep_what_is_attested(attestation, *panel); !kept) return std::unexpected(kept.error());
+  const auto count = rows_of(options.recompute, panel::plan_of(*panel, {}).size());
+  if (!count) return std::unexpected("write a number of rollouts or a share, such as 6 or 25%");
+  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host, options.policy_may});
+  if (!contest) return std::unexpected(contest.error());
+  return panel::recompute(attestation, *contest, drawn(contest->panel(), *count), options.workers);
+}
+
+int audit_attestation(const AuditOptions& options) {
+  if (options.json || options.draft || !options.signed_by.empty())
+    return refuse(kExitUsage, fmt::format("{}: {} is an attestation: --json, --draft and --signed-by are for folders",
+                                          kCommand, options.directory));
+  if (options.recompute.empty() != options.panel.empty())
+    return refuse(kExitUsage, fmt::format("{}: an attestation names no files: --recompute needs --panel", kCommand));
+  const auto text = monitor::read_file(options.directory);
+  if (!text) return fail(kCommand, text.error());
+  const auto attestation = panel::attestation_of(*text);
+  if (!attestation) return fail(kCommand, fmt::format("{} {}", options.directory, attestation.error()));
+  std::optional<panel::Recomputed> again;
+  if (!options.recompute.empty()) {
+    auto made = recomputed(*attestation, options);
+    if (!made) return fail(kCommand, "--recompute: " + made.error());
+    again = std::move(*made);
+  }
+  fmt::print("{}", panel::audit_text(*attestation, again));
+  return again && !again->differences.empty() ? kExitFailed : kExitOk;
+}
+
+int audit(const AuditOptions& options) {
+  if (std::filesystem::is_regular_file(options.directory)) return audit_attestation(options);
+  if (std::filesystem::exists(monitor::RunFolder(options.directory).ticks())) return audit_run(options);
+  const auto artifact = panel::open_artifact(options.directory);
+  if (!artifact) return fail(kCommand, artifact.error());
+  if (options.draft) {
+    const auto drafted = panel::draft_post_mortems(*artifact);
+    if (!drafted) return fail(kCommand, drafted.error());
+    fmt::print(stderr, "{} post-mortems drafted in {}\n", *drafted, artifact->folder.post_mortems());
+  }
+  panel::Audit result = panel::audit(*artifact, panel::panel_promise(artifact->folder.panel()));
+  if (!options.recompute.empty()) {
+    const auto rows = rows_of(options.recompute, artifact->rows.size());
+    if (!rows)
+      return refuse(kExitUsage, fmt::format("{}: --recompute {}: write a number of rows or a share, such as 6 or 25%",
+                                            kCommand, options.recompute));
+    auto again = recomputed(*artifact, options, *rows);
+    if (!again) return fail(kCommand, "--recompute: " + again.error());
+    result.recomputed = std::move(*again);
+  }
+  result.signed_by = signer(options);
+  if (options.json) {
+    fmt::print("{}\n", panel::to_json(result).dump());
+  } else {
+    fmt::print("{}", panel::audit_text(result));
+  }
+  return result.is_consistent() ? kExitOk : kExitFailed;
+}
+
+}  // namespace
+
+void add_audit(CLI::App& app, int& exit_code) {
+  CLI::App* command = add_lab_command(app, "audit");
+  auto options = std::make_shared<AuditOptions>();
+  command->add_option("DIR", options->directory, "artifact, run folder, or file of takt panel attest")->required();
+  command->add_flag("--json", options->json, "print the audit as one line of JSON (docs/evidence.md)");
+  command->add_flag("--draft", options->draft, "first draft a post-mortem for every failed rollout that has none");
+  auto* const recompute = command->add_option("--recompute", options->recompute,
+                                              "N or P%: compute so many rows anew, drawn at random, and compare");
+  auto* const panel = command->add_option("--panel", options->panel,
+                                          "with --recompute: the panel file that the artifact was made from;\n"
+                                          "default: what the artifact keeps");
+  panel->needs(recompute);
+  command->add_option("--robot", options->robot, "with --panel: the robot file that the panel was run with")
+      ->needs(panel);
+  add_world(*command, options->world)->needs(recompute);
+  add_policy_host(*command, options->policy_host)->needs(recompute);
+  add_policy_may(*command, options->policy_may)->needs(recompute);
+  command->add_option("--workers", options->workers, "with --recompute: processes that share the work")
+      ->check(CLI::Range(1, 1024))
+      ->needs(recompute);
+  command->add_option("--signed-by", options->signed_by, "public key, PEM: it has to be signed by it (takt seal)");
+  command->footer(
+      "Example: takt audit artifacts/smoke --recompute 25%\n"
+      "Exit codes: 0 nothing is missing and nothing contradicts itself; 1 something is or does, rows came\n"
+      "out otherwise, or it is no artifact; 64 command line.");
+  command->callback([options, &exit_code] { exit_code = audit(*options); });
+}
+
+}  // namespace takt::cli

@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: Apache-2.0
+// takt panel run: runs a panel of rollouts in virtual time, into one artifact.
+#include <fmt/format.h>
+
+#include <charconv>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <vector>
+
+#include "cli/command.hpp"
+#include "cli/lab/progress.hpp"
+#include "cli/lab/real_rollouts.hpp"
+#include "cli/run/policy_host_option.hpp"
+#include "cli/world_option.hpp"
+#include "config/load.hpp"
+#include "lab/artifact/artifact.hpp"
+#include "lab/artifact/confusion.hpp"
+#include "lab/panel/harm_table.hpp"
+#include "lab/panel/kept_inputs.hpp"
+#include "lab/panel/panel_plan.hpp"
+#include "lab/panel/panel_table.hpp"
+#include "lab/panel/sequential_decision.hpp"
+#include "lab/panel/worker_pool.hpp"
+
+namespace takt::cli {
+namespace {
+
+struct PanelRunOptions {
+  std::string panel, robot, out, only, method, until_decided, world, policy_host, shard = "1/1";
+  policy_host::Grants policy_may;
+  std::size_t workers = 1;
+  std::uint64_t seeds = 0;  // 0: as many as the panel says
+  bool resume = false, json = false, real_time = false, allow_non_realtime = false;
+};
+
+// One robot has one task: of a panel of several, --robot runs its own alone. Empty: fine.
+std::string keep_task_of(const PanelRunOptions& options, panel::Panel& panel) {
+  if (options.robot.empty() || panel.tasks.size() < 2) return {};
+  const auto robot = config::load(options.robot);
+  if (!robot) return robot.error();
+  const panel::Task task = panel::task_of(*robot);
+  std::erase_if(panel.tasks, [&](const panel::PanelTask& one) { return one.task != task; });
+  if (!panel.tasks.empty()) return {};
+  return fmt::format("{}: the panel has no task {}, which this robot is for; name another robot by --robot", panel.file,
+                     panel::kTaskNames[static_cast<std::size_t>(task)]);
+}
+
+std::optional<panel::Shard> shard_of(const std::string& text) {
+  panel::Shard shard;
+  const char* const end = text.data() + text.size();
+  const auto [slash, first] = std::from_chars(text.data(), end, shard.index);
+  if (first != std::errc{} || slash == end || *slash != '/') return std::nullopt;
+  const auto [last, second] = std::from_chars(slash + 1, end, shard.count);
+  const bool fits = shard.index >= 1 && shard.index <= shard.count && shard.count <= 10'000;
+  if (second != std::errc{} || last != end || !fits) return std::nullopt;
+  return shard;
+}
+
+// "arm_tracking.none@0.takt.s17": 17.
+std::optional<std::uint64_t> seed_of(const std::string& rollout_id) {
+  const std::size_t mark = rollout_id.rfind(".s");
+  std::uint64_t seed = 0;
+  if (mark == std::string::npos) return std::nullopt;
+  const char* const end = rollout_id.data() + rollout_id.size();
+  const auto [last, error] = std::from_chars(rollout_id.data() + mark + 2, end, seed);
+  return error == std::errc{} && last == end ? std::optional(seed) : std::nullopt;
+}
+
+// A rollout of a run with more seeds than the file names (--seeds) can be run again without saying how many there were.
+void plan_for(std::uint64_t seed, panel::Panel& panel) {
+  if (seed >= panel.first_seed && seed < panel.first_seed + panel.seed_count) return;
+  panel.first_seed = seed;
+  panel.seed_count = 1;
+}
+
+std::expected<panel::ArtifactWriter, std::string> open_writer(const PanelRunOptions& options,
+                                                              const panel::ArtifactManifest& manifest,
+                                                              const std::string& panel_text) {
+  const bool begun = std::filesystem::exists(panel::ArtifactFolder(options.out).manifest());
+  if (options.resume && begun) return panel::ArtifactWriter::resume(options.out, manifest);
+  return panel::ArtifactWriter::create(options.out, manifest, panel_text);
+}
+
+// The post-mortem first: a row that is there has its own.
+std::expected<void, std::string> keep(panel::ArtifactWriter& rows, const panel::RanRollout& ran) {
+  if (!ran.post_mortem.empty()) {
+    const auto kept = panel::keep_post_mortem(rows.folder(), ran.row, ran.post_mortem);
+    if (!kept) return std::unexpected(kept.error());
+  }
+  return rows.append(ran.row);
+}
+
+// `decision`: under --until-decided.
+void print_summary(const PanelRunOptions& options, const std::string& id, const std::vector<panel::RolloutRow>& rows,
+                   std::size_t ran, const std::optional<panel::SequentialDecision>& decision) {
+  const auto succeeded = std::ranges::count_if(rows, &panel::RolloutRow::success);
+  if (options.json) {
+    nlohmann::ordered_json summary{
+        {"artifact", options.out}, {"rollouts", rows.size()}, {"ran_now", ran}, {"succeeded", succeeded}};
+    if (decision)
+      summary["until_decided"] = {
+          {"decided", decision->is_made()}, {"seeds", decision->seeds()}, {"evidence", decision->evidence()}};
+    fmt::print("{}\n", summary.dump());
+    return;
+  }
+  const std::string harm = panel::harm_table(rows);
+  fmt::print("{}\n{}\n{}{}\n{}{}{} rollouts, {} of them now, {} succeeded: {} in {}\n", panel::panel_table(rows),
+             panel::latency_table(rows), panel::motion_table(rows), panel::confusion_text(panel::confusions_of(rows)),
+             harm, harm.empty() ? "" : "\n", rows.size(), ran, succeeded, id, options.out);
+  if (decision) fmt::print("{}\n", decision->text());
+}
+
+panel::Timing timing_of(const PanelRunOptions& options) {
+  if (!options.real_time) return panel::Timing::virtual_time;
+  return options.allow_non_realtime ? panel::Timing::real_without_guarantees : panel::Timing::real;
+}
+
+std::expected<void, std::string> run_all(const PanelRunOptions& options, panel::Contest& contest,
+                                         const std::vector<panel::PlannedRollout>& rollouts,
+                                         const std::optional<RealRollouts>& real, panel::ArtifactWriter& rows,
+                                         std::optional<panel::SequentialDecision>& decision) {
+  Progress progress("rollouts");
+  std::size_t arrived = 0;
+  const auto deliver = [&](const panel::RanRollout& ran) {
+    progress.show(++arrived, rollouts.size());
+    if (decision) decision->add(ran.row);
+    return keep(rows, ran);
+  };
+  const auto is_enough = [&] { return decision && decision->is_made(); };
+  if (!real) return panel::run_in_workers(contest, rollouts, options.workers, deliver, is_enough);
+  for (const panel::PlannedRollout& planned : rollouts) {
+    if (is_enough()) break;
+    const auto ran = real->run(planned);
+    if (!ran) return std::unexpected(ran.error());
+    if (auto done = deliver(*ran); !done) return done;
+  }
+  return {};
+}
+
+int run(const PanelRunOptions& options) {
+  const auto shard = shard_of(options.shard);
+  if (!shard) return refuse(kExitUsage, "takt panel run: --shard " + options.shard + ": write I/N, such as 1/4");
+  auto panel = panel::load_panel(options.panel);
+  if (!panel) return refuse(config::kExitBadConfiguration, panel.error());
+  if (!options.method.empty()) {
+    std::erase_if(panel->methods, [&](const auto& one) { return one.name != options.method; });
+    if (panel->methods.empty())
+      return refuse(kExitUsage, "takt panel run: --method " + options.method + ": no method of this panel");
+  }
+  std::array<std::string, 2> rivals;
+  if (!options.until_decided.empty()) {
+    auto two = panel::keep_two_methods(options.until_decided, *panel);
+    if (!two)
+      return refuse(kExitUsage,
+                    fmt::format("takt panel run: --until-decided {}: {}", options.until_decided, two.error()));
+    rivals = std::move(*two);
+  }
+  if (options.seeds != 0) panel->seed_count = options.seeds;
+  panel->robot = options.robot;
+  if (const std::string why = keep_task_of(options, *panel); !why.empty())
+    return refuse(config::kExitBadConfiguration, why);
+  if (const std::string why = crowded_world(options.world, options.workers); !why.empty())
+    return refuse(kExitUsage, "takt panel run: " + why);
+  if (const auto seed = seed_of(options.only)) plan_for(*seed, *panel);
+  auto plan = panel::plan_of(*panel, *shard);
+  if (plan.empty())
+    return refuse(kExitUsage,
+                  fmt::format("takt panel run: --shard {}: the panel has {} rollouts, and this part has none; "
+                              "write fewer parts",
+                              options.shard, panel::plan_of(*panel, {}).size()));
+  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host, options.policy_may});
+  if (!contest) return refuse(config::kExitBadConfiguration, contest.error());
+  if (!options.only.empty()) {
+    std::erase_if(plan, [&](const auto& one) { return panel::rollout_id(contest->identity(one)) != options.only; });
+    if (plan.empty())
+      return refuse(kExitUsage, "takt panel run: --only " + options.only + ": no rollout of this panel");
+  }
+  std::optional<panel::SequentialDecision> decision;
+  if (!options.until_decided.empty()) decision.emplace(rivals, plan);
+  std::optional<RealRollouts> real;
+  if (options.real_time) {
+    auto made = RealRollouts::make(*contest, options.out, {options.world, options.policy_host, options.policy_may},
+                                   options.allow_non_realtime);
+    if (!made) return refuse(config::kExitBadConfiguration, made.error());
+    real.emplace(std::move(*made));
+  }
+  panel::ArtifactManifest manifest = contest->manifest(plan.size());
+  manifest.timing = timing_of(options);
+  manifest.shard = {shard->index, shard->count};
+  if (decision) manifest.until_decided = {rivals.begin(), rivals.end()};
+  auto rows = open_writer(options, manifest, contest->panel().text);
+  if (!rows) return refuse(kExitFailed, "takt panel run: " + rows.error());
+  if (const auto kept = panel::keep_inputs(*contest, rows->folder()); !kept)
+    return refuse(kExitFailed, "takt panel run: " + kept.error());
+
+  if (decision)
+    for (const panel::RolloutRow& row : rows->rows()) decision->add(row);
+  std::vector<panel::PlannedRollout> remaining;
+  for (const panel::PlannedRollout& one : plan)
+    if (!rows->has(contest->identity(one))) remaining.push_back(one);
+  const std::size_t there = rows->rows().size();
+  const auto done = run_all(options, *contest, remaining, real, *rows, decision);
+  if (!done) return refuse(kExitFailed, "takt panel run: " + done.error());
+  if (decision && decision->is_made()) rows->end_plan_after(decision->seeds());
+  const auto finished = rows->finish();
+  if (!finished) return refuse(kExitFailed, "takt panel run: " + finished.error());
+  print_summary(options, finished->artifact_id, rows->rows(), rows->rows().size() - there, decision);
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_panel_run(CLI::App& panel, int& exit_code) {
+  auto options = std::make_shared<PanelRunOptions>();
+  CLI::App* command = panel.add_subcommand("run", "Run every rollout of a panel file; write one row each.");
+  command->add_option("PANEL", options->panel, "panel file (docs/panels.md)")->required();
+  command->add_option("--out", options->out, "folder to write the rows into")->required();
+  command->add_option("--workers", options->workers, "processes that share the work; rows do not depend on it")
+      ->check(CLI::Range(1, 1024));
+  command->add_option("--shard", options->shard, "I/N: run only the I-th of N parts of the plan");
+  command->add_option("--robot", options->robot,
+                      "robot file instead of those that the panel names; of several tasks, only its own runs");
+  command->add_option("--method", options->method, "run this one of the panel's methods");
+  command->add_option("--seeds", options->seeds, "this many seeds from the first on, instead of the panel's count")
+      ->check(CLI::Range(1, 1'000'000));
+  command
+      ->add_option("--until-decided", options->until_decided,
+                   "A,B: run only these two methods, seed by seed, until it is decided which succeeds more often")
+      ->excludes(command->get_option("--shard"))
+      ->excludes(command->get_option("--method"));
+  command->add_option("--only", options->only, "run the one rollout of this id, as post-mortems name it")
+      ->excludes(command->get_option("--until-decided"));
+  auto* const real_time =
+      command->add_flag("--real-time", options->real_time, "with real processes, one robot after the other");
+  command
+      ->add_flag("--allow-non-realtime", options->allow_non_realtime,
+                 "with --real-time: run even without real-time guarantees")
+      ->needs(real_time);
+  command->get_option("--workers")->excludes(real_time);
+  add_world(*command, options->world)->excludes(real_time);
+  add_policy_host(*command, options->policy_host);
+  add_policy_may(*command, options->policy_may);
+  command->add_flag("--resume", options->resume, "go on with what lies in --out; rollouts already there are skipped");
+  command->add_flag("--json", options->json, "print one line of JSON instead of the table");
+  command->footer(
+      "Example: takt panel run config/panels/smoke.yaml --out runs/smoke --workers 2\n"
+      "Exit codes: 0 every rollout has its row, however it ended; 1 it could not be run or written;\n"
+      "64 command line; 65 panel or robot file.");
+  command->callback([options, &exit_code] { exit_code = run(*options); });
+}
+
+}  // namespace takt::cli

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "lab/study/probed_dynamics.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace takt::margin {
+
+void ProbedDynamics::inject(std::size_t joint, double amplitude, double omega) {
+  joint_ = static_cast<Eigen::Index>(joint);
+  amplitude_ = amplitude;
+  omega_ = omega;
+  record_ = {};
+}
+
+void ProbedDynamics::integrate(plant::ArmState& state, const Eigen::VectorXd& tau,
+                               const std::vector<plant::Friction>& friction, Duration step) {
+  Eigen::VectorXd total = tau;
+  total[joint_] += amplitude_ * std::sin(omega_ * step.seconds() * static_cast<double>(record_.total.size()));
+  record_.control.push_back(tau[joint_]);
+  record_.total.push_back(total[joint_]);
+  std::vector<plant::Friction> smooth = friction;
+  for (plant::Friction& joint : smooth) joint.coulomb = std::max(joint.coulomb - coulomb_, 0.0);
+  bare_->integrate(state, total, smooth, step);
+}
+
+}  // namespace takt::margin
