@@ -11,9 +11,9 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "evidence/rollout/rollout.hpp"
 #include "lab/panel/panel_plan.hpp"
 #include "lab/panel/worker_pool.hpp"
-#include "evidence/rollout/rollout.hpp"
 #include "tests/evidence/rollout/arm_rollouts.hpp"
 
 namespace takt::panel {

@@ -3,7 +3,6 @@
 // today, of this stop, and whose trials are many and good enough. Method: one that is, then one thing at a time made
 // otherwise; the line that is told is read.
 #include "evidence/attestation/attestation.hpp"
-#include "lab/judge/attest.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,6 +12,7 @@
 
 #include "config/load.hpp"
 #include "executive/contract/version.hpp"
+#include "lab/judge/attest.hpp"
 #include "monitor/record/bounded_file.hpp"
 #include "tests/lab/artifact/sample_artifact.hpp"
 #include "tests/lab/artifact/sample_rows.hpp"

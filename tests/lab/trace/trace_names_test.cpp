@@ -12,8 +12,8 @@
 #include <set>
 #include <string>
 
-#include "lab/trace/trace_event.hpp"
 #include "executive/contract/mode.hpp"
+#include "lab/trace/trace_event.hpp"
 
 namespace takt::monitor {
 namespace {
