@@ -16,6 +16,7 @@
 
 #include "cli/command.hpp"
 #include "cli/run/child_process.hpp"
+#include "cli/run/robot_processes.hpp"
 #include "cli/run/scenario.hpp"
 #include "evidence/rollout/arm_world.hpp"
 #include "evidence/rollout/real_perturbation.hpp"
@@ -126,7 +127,7 @@ bool is_within(const std::string& action, Duration duration) {
 std::vector<std::string> arguments_of(const panel::Panel& panel, const panel::RealTrouble& trouble, std::uint64_t seed,
                                       const std::string& folder) {
   const auto microseconds_text = [](Duration time) { return fmt::format("{}us", time.ns / 1000); };
-  std::vector<std::string> arguments{fs::read_symlink("/proc/self/exe").string(),
+  std::vector<std::string> arguments{beside_this_program("takt"),
                                      "run",
                                      folder + "/robot.yaml",
                                      "--run-dir",
