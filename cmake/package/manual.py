@@ -270,8 +270,10 @@ def main():
         print("\n".join(problems), file=sys.stderr)
         return 1
     pages = programs + programs[0].children
-    (out / "man/man1").mkdir(parents=True, exist_ok=True)
-    (out / "lab/man/man1").mkdir(parents=True, exist_ok=True)
+    for folder in (out / "man/man1", out / "lab/man/man1"):
+        folder.mkdir(parents=True, exist_ok=True)
+        for old in folder.iterdir():
+            old.unlink()
     for help_ in pages:
         of_lab = help_.words[-1] in programs[0].of_lab
         path = out / ("lab/man/man1" if of_lab else "man/man1") / ("-".join(help_.words) + ".1.gz")
