@@ -3,9 +3,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <iterator>
+#include <set>
 #include <utility>
 
 #include "dds/domain_xml.hpp"
+#include "dds/neighbours.hpp"
 
 namespace takt::dds {
 
@@ -19,12 +23,18 @@ std::string Domain::failure(std::string_view what, dds_entity_t refused) const {
 
 std::expected<Domain, std::string> Domain::open(const config::RobotConfig& robot, const std::string& name) {
   Domain made(robot);
+  log_within_budget();
+  const std::set<int> before = datagram_sockets();
   made.domain_ = dds_create_domain(robot.dds->domain, domain_xml(*robot.dds).c_str());
   if (made.domain_ <= 0) return std::unexpected(made.failure("domain", made.domain_));
   const Qos qos = make_qos();
   dds_qset_entity_name(qos.get(), name.c_str());
   made.participant_ = dds_create_participant(robot.dds->domain, qos.get(), nullptr);
   if (made.participant_ <= 0) return std::unexpected(made.failure("participant", made.participant_));
+  std::set<int> opened;
+  std::ranges::set_difference(datagram_sockets(), before, std::inserter(opened, opened.end()));
+  if (opened.empty() || !hear_only(opened, robot.dds->interface))
+    return std::unexpected(fmt::format("its sockets cannot be kept to their interface ({})", made.where_));
   return made;
 }
 
