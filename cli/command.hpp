@@ -11,19 +11,16 @@
 #include <string>
 #include <string_view>
 
+#include "executive/contract/exit_codes.hpp"
+
 namespace takt::cli {
 
-// Same numbers in every Takt program (docs/exit-codes.md).
+// Beside those of every program.
 inline constexpr int kExitOk = 0;
-inline constexpr int kExitFailed = 1;         // the check failed, the request was refused
-inline constexpr int kExitNotJudged = 2;      // replay: what was judged reproduces, but not all could be judged
-inline constexpr int kExitStopped = 2;        // a stop or fault that nobody asked for stands
-inline constexpr int kExitWrongScale = 3;     // joint jog: it moved as asked, and a scale is wrong
-inline constexpr int kExitNotSeen = 4;        // joint jog: it moved as asked, and an eye alone can judge its scale
-inline constexpr int kExitUsage = 64;         // command line
-inline constexpr int kExitUnavailable = 69;   // a needed process, socket or bus is not there
-inline constexpr int kExitInternal = 70;      // our own bug
-inline constexpr int kExitSetUpRefused = 71;  // real-time scheduling not granted
+inline constexpr int kExitNotJudged = 2;   // replay: what was judged reproduces, but not all could be judged
+inline constexpr int kExitStopped = 2;     // a stop or fault that nobody asked for stands
+inline constexpr int kExitWrongScale = 3;  // joint jog: it moved as asked, and a scale is wrong
+inline constexpr int kExitNotSeen = 4;     // joint jog: it moved as asked, and an eye alone can judge its scale
 
 // Why a command ends before its work, and with which code.
 struct Refusal {

@@ -25,6 +25,7 @@
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/contract/version.hpp"
 #include "executive/log/program_log.hpp"
+#include "executive/program/program.hpp"
 #include "executive/trace/trace.hpp"
 #include "monitor/closing_reviews.hpp"
 #include "monitor/executive_session.hpp"
@@ -44,26 +45,13 @@ using namespace takt::monitor;
 
 constexpr int kExitIncomplete = 1;
 constexpr int kExitNoReview = 1;
-constexpr int kExitUsage = 64;
-constexpr int kExitSetUp = 71;
 constexpr Duration kDrainPeriod = milliseconds(20);
 constexpr Duration kAttachPeriod = milliseconds(200);
 
-std::atomic<bool> g_stop = false;
-static_assert(std::atomic<bool>::is_always_lock_free);
-
-struct Options {
-  std::string robot_file, runtime_directory, run_directory, review;
+struct Options : program::RobotOptions {
+  std::string run_directory, review;
   std::uint64_t part_mib = kDefaultPartBytes >> 20U;
 };
-
-void stop_on_signals() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { g_stop = true; };
-  for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaction(number, &action, nullptr);
-  action.sa_handler = SIG_IGN;  // a file at its size limit is an error of the write, not the end of the process
-  sigaction(SIGXFSZ, &action, nullptr);
-}
 
 std::int64_t realtime_ns() {
   timespec time{};
@@ -105,7 +93,7 @@ enum class Recorded : std::uint8_t { whole, in_part, not_at_all };
 // One session of the executive, from attach to its end or ours. Not at all: the folder cannot be written.
 Recorded record_session(const ExecutiveSession& session, const Options& options, const config::RobotConfig& robot,
                         const RunKeeper& keeper, trace::Introduction& introduction, Exports& exports,
-                        ClosingReviews& reviews) {
+                        ClosingReviews& reviews, const std::atomic<bool>& stop) {
   RunManifest manifest = describe(session, robot, options.runtime_directory, monotonic_now(), realtime_ns());
   const auto folder = RunFolder::create(wanted_folder(options, robot, manifest.run_id));
   if (folder) manifest.run_id = std::filesystem::path(folder->path()).filename();  // one name for one run
@@ -168,7 +156,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     images->hand_on(sink);
   };
   MonoTime next = monotonic_now();
-  while (!g_stop && !session.is_over()) {
+  while (!stop && !session.is_over()) {
     introduction.when_traced(monotonic_now());
     trace::drain_begin((*recorder)->manifest().last_tick);
     drain_all(false);
@@ -188,7 +176,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   session.tell_recorded(0);  // before the last words: closing a run takes its time
   drain_all(true);
   images->finish(sink);
-  const char* why = g_stop ? "monitor told to end" : "executive ended";
+  const char* why = stop ? "monitor told to end" : "executive ended";
   if (const auto written = (*recorder)->finish(monotonic_now(), why); !written) spdlog::error("{}", written.error());
   tell_if_stopped();
   exports.end(monotonic_now(), session.is_over());
@@ -199,7 +187,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
 }
 
 int monitor_robot(Options options) {
-  const auto robot = config::load(options.robot_file);
+  const auto robot = config::load(options.robot);
   if (!robot) {
     fmt::print(stderr, "{}\n", robot.error());
     return config::kExitBadConfiguration;
@@ -211,7 +199,8 @@ int monitor_robot(Options options) {
                robot->file);
     return config::kExitBadConfiguration;
   }
-  if (options.runtime_directory.empty()) options.runtime_directory = config::default_runtime_directory(robot->robot);
+  options.runtime_directory = program::runtime_directory_of(options, *robot);
+  const std::atomic<bool>& stop = program::stop_on_signals();
   std::uint64_t policy_hash = 0;
   if (robot->policy) policy_hash = config::policy_hash(robot->policy->file).value_or(0);
   trace::Introduction introduction("takt-monitor", robot->hash, policy_hash, robot->joints);
@@ -220,20 +209,20 @@ int monitor_robot(Options options) {
   ClosingReviews reviews;
   std::string said;
   int exit_code = 0;
-  while (!g_stop) {
+  while (!stop) {
     const auto session = ExecutiveSession::attach(Role::monitor, "takt-monitor", options.runtime_directory, *robot,
                                                   std::chrono::milliseconds(500));
     if (session) {
       said.clear();
-      const Recorded recorded = record_session(*session, options, *robot, keeper, introduction, exports, reviews);
-      if (recorded == Recorded::not_at_all) return kExitSetUp;
+      const Recorded recorded = record_session(*session, options, *robot, keeper, introduction, exports, reviews, stop);
+      if (recorded == Recorded::not_at_all) return kExitSetUpRefused;
       if (recorded == Recorded::in_part) exit_code = kExitIncomplete;
     } else if (session.error() != said) {
       said = session.error();
       spdlog::info("waiting for the executive: {}", said);
     }
     reviews.look();
-    if (!g_stop) sleep_until(monotonic_now() + kAttachPeriod);
+    if (!stop) sleep_until(monotonic_now() + kAttachPeriod);
   }
   return exit_code;
 }
@@ -244,13 +233,11 @@ int main(int argc, char** argv) {
   log::log_to_stderr("takt-monitor");
   Options options;
   CLI::App app("Records a running executive into run folders.", "takt-monitor");
-  app.set_version_flag("--version", std::string(takt::version()));
   auto* const what = app.add_option_group("what to do");
-  what->add_option("--robot", options.robot_file, "robot file: record its executive");
+  what->add_option("--robot", options.robot, "robot file: record its executive");
   what->add_option("--review", options.review, "run folder that was closed: write its metrics.json, and end");
   what->require_option(1);
-  app.add_option("--runtime-dir", options.runtime_directory,
-                 "default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt");
+  program::add_runtime_directory(app, options);
   app.add_option(
       "--run-dir", options.run_directory,
       "run folder; default <record.directory>/<UTC time>-<robot>-<id>; a second session, or part, gets .2 behind it");
@@ -263,16 +250,12 @@ int main(int argc, char** argv) {
       "Exit codes: 0 ended by a signal, or reviewed, 1 a recording stopped before its run ended, or no review, 64 "
       "usage,\n"
       "65 configuration, 71 run folder cannot be written.");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kExitUsage;
-  }
+  if (const auto ended = program::parse(app, argc, argv)) return *ended;
   if (!options.review.empty()) {
     prctl(PR_SET_PDEATHSIG, SIGKILL);  // a monitor that crashed must not wait for its review to be started again
     setpriority(PRIO_PROCESS, 0, 19);  // a part is reviewed while the robot moves
     return write_review(options.review);
   }
-  stop_on_signals();
+  signal(SIGXFSZ, SIG_IGN);  // a file at its size limit is an error of the write, not the end of the process
   return monitor_robot(std::move(options));
 }

@@ -9,7 +9,6 @@
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <cerrno>
-#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <exception>
@@ -21,9 +20,8 @@
 #include <vector>
 
 #include "config/load.hpp"
-#include "config/paths.hpp"
-#include "executive/contract/version.hpp"
 #include "executive/log/program_log.hpp"
+#include "executive/program/program.hpp"
 #include "policy_host/boundary.hpp"
 #include "policy_host/fenced_load.hpp"
 #include "policy_host/host.hpp"
@@ -33,12 +31,7 @@
 namespace takt::policy_host {
 namespace {
 
-constexpr int kExitUsage = 64;
-constexpr int kExitInternal = 70;
 constexpr std::string_view kFenced = "--fenced";
-
-std::atomic<bool> g_stop = false;
-static_assert(std::atomic<bool>::is_always_lock_free);
 
 // An exception that leaves an engine, on whichever thread.
 [[noreturn]] void end_for_exception() {
@@ -53,15 +46,8 @@ static_assert(std::atomic<bool>::is_always_lock_free);
   _exit(kExitInternal);
 }
 
-void stop_on_signals() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { g_stop = true; };
-  for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaction(number, &action, nullptr);
-}
-
 int refuse(const std::string& sentence) {
-  fmt::print(stderr, "{}\n", sentence);
-  return config::kExitBadConfiguration;
+  return program::refuse(config::kExitBadConfiguration, sentence);
 }
 
 void be_nice(int level) {
@@ -85,8 +71,7 @@ std::string text_of(Fence fence, std::optional<int> cpu) {
   return "";
 }
 
-struct Options {
-  std::string robot, runtime_directory;
+struct Options : program::RobotOptions {
   std::vector<std::string> faults;
   std::uint64_t fault_seed = 1;
   bool fallback = false, fenced = false;
@@ -131,8 +116,7 @@ int serve(const Options& options, std::vector<HostFaultWindow> faults, const Loa
   std::vector<Policy*> engines;
   for (const auto& policy : loaded->policies) engines.push_back(policy.get());
 
-  const std::string directory =
-      options.runtime_directory.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_directory;
+  const std::string directory = program::runtime_directory_of(options, *robot);
   be_nice(section.nice);
   spdlog::info("policy {} ({:016x}) for robot {}: {} values in, {} steps of {} out", section.file, *hash, robot->robot,
                engines.front()->input_size(), section.steps, config::outputs_per_step(*robot));
@@ -140,7 +124,7 @@ int serve(const Options& options, std::vector<HostFaultWindow> faults, const Loa
                text_of(loaded->fence, robot->control.cpu));
   for (const std::string& fault : options.faults) spdlog::warn("does wrong on request: {}", fault);
   HostFaults wrong(std::move(faults), options.fault_seed);
-  Host(*robot, directory, *hash, engines, std::move(wrong), options.role()).run(g_stop);
+  Host(*robot, directory, *hash, engines, std::move(wrong), options.role()).run(program::stop_on_signals());
   return 0;
 }
 
@@ -148,11 +132,9 @@ int serve(const Options& options, std::vector<HostFaultWindow> faults, const Loa
 
 int run_policy_host(int argc, char** argv, const LoadPolicy& load) {
   CLI::App app{"Runs a robot's learned policy: waits for observations, infers, publishes action chunks."};
-  app.set_version_flag("--version", std::string(takt::version()));
   Options options;
-  app.add_option("--robot", options.robot, "robot file")->required();
-  app.add_option("--runtime-dir", options.runtime_directory,
-                 "where the robot's sockets are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
+  program::add_robot(app, options, "robot file");
+  program::add_runtime_directory(app, options);
   app.add_flag("--fallback", options.fallback,
                "be the robot's fallback policy (degraded.fallback), beside the host of its policy");
   app.add_flag(std::string(kFenced), options.fenced,
@@ -169,21 +151,14 @@ int run_policy_host(int argc, char** argv, const LoadPolicy& load) {
              " --robot config/arm6.yaml --runtime-dir /run/takt/arm6\n"
              "Exit codes: 0 ended by a signal, 64 usage, 65 configuration or policy refused, 70 the engine "
              "failed.");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kExitUsage;
-  }
+  if (const auto ended = program::parse(app, argc, argv)) return *ended;
   auto faults = parse_host_faults(options.faults);
-  if (!faults) {
-    fmt::print(stderr, "{}\n", faults.error());
-    return kExitUsage;
-  }
+  if (!faults) return program::refuse(kExitUsage, faults.error());
   const Role role = options.role();
   log::log_to_stderr(role == Role::candidate_policy  ? "candidate-host"
                      : role == Role::fallback_policy ? "fallback-host"
                                                      : "policy-host");
-  stop_on_signals();
+  program::stop_on_signals();
   std::set_terminate(end_for_exception);
   return serve(options, std::move(*faults), load, argv);
 }

@@ -19,9 +19,8 @@
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
-#include "executive/contract/version.hpp"
 #include "executive/ipc/unix_socket.hpp"
-#include "executive/log/program_log.hpp"
+#include "executive/program/program.hpp"
 #include "simulation/devices_file.hpp"
 #include "simulation/outside_mechanics.hpp"
 #include "simulation/pacer.hpp"
@@ -34,31 +33,18 @@
 namespace takt::plant {
 namespace {
 
-constexpr int kExitUsage = 64, kExitUnavailable = 69, kExitInternal = 70;
 constexpr int kPriority = 10;  // SCHED_FIFO
 constexpr Duration kTruthPeriod = milliseconds(10);
 constexpr Duration kReportPeriod = seconds(1);
 
-struct Options {
-  std::string robot, devices, scenario, runtime_directory, truth_file, policy_user, world;
+struct Options : program::RobotOptions {
+  std::string devices, scenario, truth_file, world;
   std::optional<std::uint64_t> seed;
   double target_entry_s = 0;
   bool on_hardware = false, debug = false;
 };
 
-std::atomic<bool> g_stop = false;
-static_assert(std::atomic<bool>::is_always_lock_free);
-
-void stop_on_signals() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { g_stop = true; };
-  for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaction(number, &action, nullptr);
-}
-
-int refuse(int exit_code, const std::string& sentence) {
-  std::fprintf(stderr, "%s\n", sentence.c_str());
-  return exit_code;
-}
+using program::refuse;
 
 // Drives and arms do not wait for a CPU: their double should not either. Far below the executive; the work per turn is
 // bounded. Calling thread only.
@@ -119,8 +105,8 @@ struct Stage {
   Pacer& pacer;
 };
 
-void simulate(const Stage& stage, const std::function<void(MonoTime)>& observe) {
-  while (!g_stop && !(stage.world && stage.world->end())) {
+void simulate(const Stage& stage, const std::atomic<bool>& stop, const std::function<void(MonoTime)>& observe) {
+  while (!stop && !(stage.world && stage.world->end())) {
     sleep_until(stage.pacer.next_wake());
     const MonoTime now = monotonic_now();
     const int steps = stage.pacer.steps_due(now);
@@ -139,14 +125,10 @@ void simulate(const Stage& stage, const std::function<void(MonoTime)>& observe) 
 std::expected<Observer, std::string> open_observer(const Options& options, const config::RobotConfig& robot,
                                                    const std::string& directory, RobotPlant& body,
                                                    OutsideMechanics* world) {
-  std::optional<uid_t> policy_user;
-  if (!options.policy_user.empty()) {
-    const auto user = ipc::user_id(options.policy_user);
-    if (!user) return std::unexpected("--policy-user: " + user.error());
-    policy_user = *user;
-  }
+  const auto policy_user = program::policy_user_of(options);
+  if (!policy_user) return std::unexpected(policy_user.error());
   const MonoTime started = monotonic_now() - Duration{std::llround(options.target_entry_s * 1e9)};
-  auto sensors = SimulatedSensors::open(robot, directory, policy_user, started, body, world);
+  auto sensors = SimulatedSensors::open(robot, directory, *policy_user, started, body, world);
   if (!sensors) return std::unexpected(sensors.error());
   std::optional<TruthLog> truth;
   if (!options.truth_file.empty()) {
@@ -171,9 +153,8 @@ std::string unplayable(const Scenario& scenario, const PlantBuses& buses, const 
 
 int serve(const Options& options, const config::RobotConfig& robot, Scenario scenario, Plant& plant, RobotPlant* body,
           OutsideMechanics* world) {
-  const std::string directory =
-      options.runtime_directory.empty() ? config::default_runtime_directory(robot.robot) : options.runtime_directory;
-  stop_on_signals();
+  const std::string directory = program::runtime_directory_of(options, robot);
+  const std::atomic<bool>& stop = program::stop_on_signals();
   std::optional<Observer> observer;
   if (body != nullptr) {
     auto opened = open_observer(options, robot, directory, *body, world);
@@ -198,7 +179,7 @@ int serve(const Options& options, const config::RobotConfig& robot, Scenario sce
   Pacer pacer(plant.step_length(), monotonic_now() + plant.step_length());
   ScenarioPlayer player(std::move(scenario), robot,
                         [](const std::string& line) { spdlog::info("scenario: {}", line); });
-  simulate({plant, body, world, *buses, player, robot.buses.size(), pacer}, [&](MonoTime now) {
+  simulate({plant, body, world, *buses, player, robot.buses.size(), pacer}, stop, [&](MonoTime now) {
     if (observer) observer->look(*body, player, pacer, now);
   });
   spdlog::info("ending after {} skipped steps", pacer.skipped());
@@ -263,6 +244,7 @@ int run(const Options& options) {
 }  // namespace takt::plant
 
 int main(int argc, char** argv) {
+  namespace program = takt::program;
   takt::plant::Options options;
   CLI::App app(
       "Simulated drives, mechanics and camera of one robot; or drives alone, each on a flywheel.\n"
@@ -285,24 +267,16 @@ int main(int argc, char** argv) {
       ->excludes("--devices");
   app.add_option("--target-entry", options.target_entry_s, "s, how far along its path the camera's target begins")
       ->check(CLI::Range(0.0, 1e6));
-  app.add_option("--policy-user", options.policy_user, "a user who may read the camera; default: ours only");
+  program::add_policy_user(app, options, "may read the camera");
   app.add_flag("--on-hardware", options.on_hardware,
                "speak on real CAN interfaces too, in place of the drives; default: only on virtual and loopback ones");
   app.add_flag("--debug", options.debug, "log the distance to the target once per second");
-  app.set_version_flag("--version", std::string(takt::version()));
   app.footer(
       "Exit codes: 0 ended by a signal, 64 command line, 65 robot, devices or scenario file refused, 69 a bus or\n"
       "socket is not to be had, or the world of --world ended, 70 bug.");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : takt::plant::kExitUsage;
-  }
-  try {
-    takt::log::log_to_stderr("takt-plant");
+  if (const auto ended = program::parse(app, argc, argv)) return *ended;
+  return program::run("takt-plant", [&] {
     if (options.debug) spdlog::set_level(spdlog::level::debug);
     return takt::plant::run(options);
-  } catch (const std::exception& error) {
-    return takt::plant::refuse(takt::plant::kExitInternal, std::string("internal error: ") + error.what());
-  }
+  });
 }

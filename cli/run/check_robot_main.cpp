@@ -7,13 +7,13 @@
 
 #include "cli/run/checked_robot.hpp"
 #include "config/load.hpp"
+#include "executive/contract/exit_codes.hpp"
 
 int main(int argc, char** argv) {
-  constexpr int kExitUsage = 64;
   const std::span arguments(argv, static_cast<std::size_t>(argc));
   if (arguments.size() != 2) {
     fmt::print(stderr, "check-robot: name one robot file\n");
-    return kExitUsage;
+    return takt::kExitUsage;
   }
   const auto checked = takt::cli::check_robot_file(arguments[1]);
   if (checked) return 0;

@@ -14,12 +14,10 @@
 #include "config/observation_shape.hpp"
 #include "config/paths.hpp"
 #include "drivers/protocol/bus_load.hpp"
-#include "executive/contract/version.hpp"
 #include "executive/ipc/unix_socket.hpp"
-#include "executive/log/program_log.hpp"
+#include "executive/program/program.hpp"
 #include "executive/runtime/control_thread.hpp"
 #include "executive/runtime/executive_file.hpp"
-#include "executive/runtime/exit_codes.hpp"
 #include "executive/runtime/journal.hpp"
 #include "executive/runtime/open_edge.hpp"
 #include "executive/runtime/reception.hpp"
@@ -33,17 +31,11 @@ namespace {
 
 using namespace std::chrono_literals;
 
-struct Options {
-  std::string robot;
-  std::string runtime_directory;
-  std::string policy_user;
+struct Options : program::RobotOptions {
   bool allow_non_realtime = false;
 };
 
-int refuse(int exit_code, const std::string& sentence) {
-  std::fprintf(stderr, "%s\n", sentence.c_str());
-  return exit_code;
-}
+using program::refuse;
 
 void log_steps(const std::vector<SetupStep>& steps) {
   for (const SetupStep& step : steps) {
@@ -74,20 +66,12 @@ std::vector<std::string> interfaces_of(const std::vector<config::Bus>& buses) {
   return all;
 }
 
-// The user named on the command line; none: nobody but our own.
-std::expected<std::optional<uid_t>, std::string> policy_user(const Options& options) {
-  if (options.policy_user.empty()) return std::nullopt;
-  const auto user = ipc::user_id(options.policy_user);
-  if (!user) return std::unexpected("--policy-user: " + user.error());
-  return *user;
-}
-
 int run(const Options& options) {
   const auto robot = config::load(options.robot);
   if (!robot) return refuse(config::kExitBadConfiguration, robot.error());
   if (const auto loads = drivers::check_bus_load(*robot); !loads)
     return refuse(config::kExitBadConfiguration, loads.error());
-  const auto guest = policy_user(options);
+  const auto guest = program::policy_user_of(options);
   if (!guest) return refuse(kExitUsage, guest.error());
   std::uint64_t policy_hash = 0;
   if (robot->policy) {
@@ -103,8 +87,7 @@ int run(const Options& options) {
     if (!hash) return refuse(config::kExitBadConfiguration, hash.error());
     fallback_hash = *hash;
   }
-  const std::string directory =
-      options.runtime_directory.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_directory;
+  const std::string directory = program::runtime_directory_of(options, *robot);
   const auto tick_config =
       std::make_unique<pipeline::TickConfig>(config::tick_config_of(*robot, policy_hash, fallback_hash));
 
@@ -180,28 +163,18 @@ int run(const Options& options) {
 }  // namespace takt::runtime
 
 int main(int argc, char** argv) {
+  namespace program = takt::program;
   takt::runtime::Options options;
   CLI::App app("Takt's real-time control loop for one robot.\nExample: takt-executive --robot config/arm6.yaml");
-  app.add_option("--robot", options.robot, "robot file")->required();
-  app.add_option("--runtime-dir", options.runtime_directory,
-                 "where sockets live (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
-  app.add_option("--policy-user", options.policy_user, "a user who may lend a policy, but not arm; default: ours only");
+  program::add_robot(app, options, "robot file");
+  program::add_runtime_directory(app, options);
+  program::add_policy_user(app, options, "may lend a policy, but not arm");
   app.add_flag("--allow-non-realtime", options.allow_non_realtime,
                "run although real-time set-up failed; every artifact says so");
-  app.set_version_flag("--version", std::string(takt::version()));
   app.footer(
       "Exit codes: 0 ended as asked, 64 command line, 65 configuration, 69 a bus is missing, 70 bug, 71 set-up "
       "refused\n"
       "(real time, permissions, another executive, somebody else commands the drives).");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : takt::runtime::kExitUsage;
-  }
-  try {
-    takt::log::log_to_stderr("takt-executive");
-    return takt::runtime::run(options);
-  } catch (const std::exception& error) {
-    return takt::runtime::refuse(takt::runtime::kExitInternal, std::string("internal error: ") + error.what());
-  }
+  if (const auto ended = program::parse(app, argc, argv)) return *ended;
+  return program::run("takt-executive", [&] { return takt::runtime::run(options); });
 }

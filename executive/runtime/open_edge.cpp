@@ -15,7 +15,7 @@
 #include "drivers/bus/open_bus.hpp"
 #include "drivers/protocol/home_note.hpp"
 #include "drivers/protocol/protocol_table.hpp"
-#include "executive/runtime/exit_codes.hpp"
+#include "executive/contract/exit_codes.hpp"
 
 namespace takt::runtime {
 namespace {

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // takt-policy-bridge: on the robot, in the place of a policy host, for a policy that runs on another machine.
+#include <fmt/format.h>
+
 #include "policy_host/remote/bridge.hpp"
 #include "policy_host/remote/program.hpp"
 
@@ -8,12 +10,16 @@ namespace {
 
 constexpr char kProgram[] = "takt-policy-bridge";
 
+int refuse(int exit_code, const std::string& sentence) {
+  return program::refuse(exit_code, fmt::format("{}: {}", kProgram, sentence));
+}
+
 int serve(const CommonOptions& options) {
   const auto prepared = prepare(options);
-  if (!prepared) return refuse(kProgram, config::kExitBadConfiguration, prepared.error());
+  if (!prepared) return refuse(config::kExitBadConfiguration, prepared.error());
   auto bridge = Bridge::open(prepared->robot, prepared->runtime_directory, prepared->policy_hash);
-  if (!bridge) return refuse(kProgram, kExitUnavailable, bridge.error());
-  (*bridge)->run(g_stop);
+  if (!bridge) return refuse(kExitUnavailable, bridge.error());
+  (*bridge)->run(program::stop_on_signals());
   return 0;
 }
 
@@ -29,5 +35,6 @@ int main(int argc, char** argv) {
       "Example: takt run robot.yaml --policy-host takt-policy-bridge --arm");
   add_common(app, options);
   app.footer("Exit codes: 0 ended by a signal, 64 command line, 65 robot file refused, 69 no DDS domain, 70 bug.");
-  return run_program(kProgram, app, argc, argv, [&] { return serve(options); });
+  if (const auto ended = takt::program::parse(app, argc, argv)) return *ended;
+  return takt::program::run(kProgram, [&] { return serve(options); });
 }

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // takt-policy-server: on the policy's machine, in the place of the executive.
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <array>
-#include <optional>
 
-#include "executive/ipc/unix_socket.hpp"
 #include "policy_host/remote/program.hpp"
 #include "policy_host/remote/server.hpp"
 
@@ -16,7 +15,7 @@ constexpr char kProgram[] = "takt-policy-server";
 constexpr std::size_t kLongestName = 64;
 
 struct Options : CommonOptions {
-  std::string name, policy_user;
+  std::string name;
 };
 
 std::string host_name() {
@@ -24,22 +23,22 @@ std::string host_name() {
   return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "unnamed";
 }
 
+int refuse(int exit_code, const std::string& sentence) {
+  return program::refuse(exit_code, fmt::format("{}: {}", kProgram, sentence));
+}
+
 int serve(const Options& options) {
   if (options.name.size() > kLongestName)
-    return refuse(kProgram, kExitUsage, fmt::format("--name: at most {} characters", kLongestName));
-  std::optional<uid_t> policy_user;
-  if (!options.policy_user.empty()) {
-    const auto user = ipc::user_id(options.policy_user);
-    if (!user) return refuse(kProgram, kExitUsage, "--policy-user: " + user.error());
-    policy_user = *user;
-  }
+    return refuse(kExitUsage, fmt::format("--name: at most {} characters", kLongestName));
+  const auto policy_user = program::policy_user_of(options);
+  if (!policy_user) return refuse(kExitUsage, policy_user.error());
   const auto prepared = prepare(options);
-  if (!prepared) return refuse(kProgram, config::kExitBadConfiguration, prepared.error());
+  if (!prepared) return refuse(config::kExitBadConfiguration, prepared.error());
   const ServerOptions chosen{prepared->runtime_directory,
-                             options.name.empty() ? host_name().substr(0, kLongestName) : options.name, policy_user};
+                             options.name.empty() ? host_name().substr(0, kLongestName) : options.name, *policy_user};
   auto server = Server::open(prepared->robot, chosen, prepared->policy_hash);
-  if (!server) return refuse(kProgram, kExitUnavailable, server.error());
-  (*server)->run(g_stop);
+  if (!server) return refuse(kExitUnavailable, server.error());
+  (*server)->run(program::stop_on_signals());
   return 0;
 }
 
@@ -55,9 +54,10 @@ int main(int argc, char** argv) {
       "Example: takt-policy-server --robot robot.yaml & takt-policy-host --robot robot.yaml");
   add_common(app, options);
   app.add_option("--name", options.name, "of this server in the robot's log; default: the host's");
-  app.add_option("--policy-user", options.policy_user, "a user who may be the policy, too; default: ours only");
+  takt::program::add_policy_user(app, options, "may be the policy, too");
   app.footer(
       "Exit codes: 0 ended by a signal, 64 command line, 65 robot file refused, 69 no DDS domain, or the runtime\n"
       "directory is another server's or an executive's, 70 bug.");
-  return run_program(kProgram, app, argc, argv, [&] { return serve(options); });
+  if (const auto ended = takt::program::parse(app, argc, argv)) return *ended;
+  return takt::program::run(kProgram, [&] { return serve(options); });
 }

@@ -20,20 +20,18 @@
 #include "config/units.hpp"
 #include "drivers/bus/open_bus.hpp"
 #include "executive/contract/monotonic_clock.hpp"
-#include "executive/contract/version.hpp"
 #include "executive/ipc/sensor_server.hpp"
-#include "executive/log/program_log.hpp"
+#include "executive/program/program.hpp"
 #include "sensors/imu/listen.hpp"
 #include "sensors/imu/serial_port.hpp"
 
 namespace takt::sensors {
 namespace {
 
-constexpr int kExitUsage = 64, kExitUnavailable = 69, kExitInternal = 70;
 constexpr Duration kRetry = milliseconds(500);
 
-struct Options {
-  std::string robot, port, bus, runtime_directory;
+struct Options : program::RobotOptions {
+  std::string port, bus;
   std::string can_ids = "0x006,0x021,0x032,0x034";
   std::vector<std::string> rpy{"0 rad", "0 rad", "0 rad"};
   std::uint32_t baud = 115'200;
@@ -46,26 +44,17 @@ struct Source {
   MtCanIds ids{};
 };
 
-std::atomic<bool> g_stop = false;
-static_assert(std::atomic<bool>::is_always_lock_free);
-
-// They come while it waits for bytes, and at no other time. Returns the mask to wait with.
-sigset_t stop_on_signals() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { g_stop = true; };
+// Signals come while it waits for bytes, and at no other time. Returns the mask to wait with.
+sigset_t hold_signals() {
   sigset_t ours, before;
   sigemptyset(&ours);
-  for (const int number : {SIGTERM, SIGINT, SIGHUP}) {
-    sigaction(number, &action, nullptr);
-    sigaddset(&ours, number);
-  }
+  for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&ours, number);
   pthread_sigmask(SIG_BLOCK, &ours, &before);
   return before;
 }
 
 int refuse(int exit_code, const std::string& sentence) {
-  std::fprintf(stderr, "takt-imu: %s\n", sentence.c_str());
-  return exit_code;
+  return program::refuse(exit_code, "takt-imu: " + sentence);
 }
 
 std::string listen(const Options& options, const Source& source, ImuSeat& seat, const Signals& signals) {
@@ -74,12 +63,13 @@ std::string listen(const Options& options, const Source& source, ImuSeat& seat, 
 }
 
 int serve(const Options& options, const Source& source, ImuSeat seat) {
-  const Signals signals{.stop = g_stop, .while_waiting = stop_on_signals()};
+  const std::atomic<bool>& stop = program::stop_on_signals();
+  const Signals signals{.stop = stop, .while_waiting = hold_signals()};
   const timespec pause{.tv_sec = 0, .tv_nsec = kRetry.ns};
-  while (!g_stop) {
+  while (!stop) {
     const std::string why = listen(options, source, seat, signals);
     if (!why.empty()) seat.complaint.say(monotonic_now(), why);
-    if (!g_stop) ::ppoll(nullptr, 0, &pause, &signals.while_waiting);
+    if (!stop) ::ppoll(nullptr, 0, &pause, &signals.while_waiting);
   }
   return 0;
 }
@@ -126,8 +116,7 @@ int run(const Options& options) {
   if (!robot->imu)
     return refuse(config::kExitBadConfiguration,
                   robot->file + ": the robot has no `imu`: add it, and its sensor (docs/sensors.md)");
-  const std::string directory =
-      options.runtime_directory.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_directory;
+  const std::string directory = program::runtime_directory_of(options, *robot);
   Source source{.directory = directory, .ids = *ids};
   if (!options.bus.empty())
     if (const auto bus = find_bus(options, *robot, source); !bus)
@@ -142,11 +131,12 @@ int run(const Options& options) {
 }  // namespace takt::sensors
 
 int main(int argc, char** argv) {
+  namespace program = takt::program;
   takt::sensors::Options options;
   CLI::App app(
       "Serves a robot's IMU from an Xsens MTi on a serial port or a CAN bus (docs/sensors.md).\n"
       "Example: takt-imu --robot robot.yaml --port /dev/serial/by-id/usb-Xsens-if00-port0 --baud 460800");
-  app.add_option("--robot", options.robot, "robot file with `imu`")->required();
+  program::add_robot(app, options, "robot file with `imu`");
   app.add_option("--port", options.port, "serial device; waited for while it is not there");
   app.add_option("--baud", options.baud, "as the MTi is set; default 115200");
   app.add_option("--bus", options.bus, "instead of --port: CAN bus, by its name in the robot file");
@@ -156,21 +146,10 @@ int main(int argc, char** argv) {
                  "how the sensor sits in the base frame: fixed-axis roll, pitch, yaw (`0 deg,180 deg,0 deg`)")
       ->delimiter(',')
       ->expected(3);
-  app.add_option("--runtime-dir", options.runtime_directory,
-                 "where sockets live (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
-  app.set_version_flag("--version", std::string(takt::version()));
+  program::add_runtime_directory(app, options);
   app.footer(
       "Exit codes: 0 ended by a signal, 64 command line, 65 robot file refused, 69 another process serves the\n"
       "sensor, 70 bug.");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : takt::sensors::kExitUsage;
-  }
-  try {
-    takt::log::log_to_stderr("takt-imu");
-    return takt::sensors::run(options);
-  } catch (const std::exception& error) {
-    return takt::sensors::refuse(takt::sensors::kExitInternal, std::string("internal error: ") + error.what());
-  }
+  if (const auto ended = program::parse(app, argc, argv)) return *ended;
+  return program::run("takt-imu", [&] { return takt::sensors::run(options); });
 }

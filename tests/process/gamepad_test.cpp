@@ -101,7 +101,7 @@ TEST_F(GamepadProcess, ThePadMayDoWhatItWants) {
   robot_.let_run(300);
   EXPECT_TRUE(robot_.wait_for_mode(Mode::tracking)) << robot_.logs();
   person_.join();
-  EXPECT_EQ(exit_code_, cli::kExitUnavailable);
+  EXPECT_EQ(exit_code_, kExitUnavailable);
   ASSERT_TRUE(robot_.finish()) << robot_.logs();
   const SentFrames frames = judge_sent_frames(robot_.run_directory(), config::load(robot_.robot_file()).value());
   EXPECT_GT(frames.motion_commands, 1000U);

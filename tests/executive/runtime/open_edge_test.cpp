@@ -12,7 +12,7 @@
 #include "config/load.hpp"
 #include "drivers/bus/loopback_bus.hpp"
 #include "drivers/protocol/home_note.hpp"
-#include "executive/runtime/exit_codes.hpp"
+#include "executive/contract/exit_codes.hpp"
 #include "tests/executive/runtime/simulated_drives.hpp"
 
 namespace takt::runtime::test {
