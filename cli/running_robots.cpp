@@ -113,7 +113,7 @@ std::expected<void, std::string> make_runtime_home(const std::string& home) {
   if (mkdir(home.c_str(), S_IRWXU) != 0 && errno != EEXIST)
     return std::unexpected(fmt::format("{} cannot be made: {}; name a --runtime-dir", home, std::strerror(errno)));
   if (geteuid() != 0 && !is_own_folder(home))
-    return std::unexpected(fmt::format("{} belongs to somebody else; name a --runtime-dir", home));
+    return std::unexpected(fmt::format("{} is another user's; name a --runtime-dir", home));
   return {};
 }
 

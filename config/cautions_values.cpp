@@ -183,7 +183,7 @@ void of_model(const RobotConfig& robot, Cautions& cautions) {
     if (const double most = robot.joints[j].limits.torque; std::abs(torques[j]) > most)
       asked += fmt::format("{}{:.1f} Nm of {} (limits.torque {:.1f} Nm)", asked.empty() ? "" : ", ",
                            std::abs(torques[j]), robot.joints[j].name, most);
-  cautions.say_if(!asked.empty(), "gravity asks for " + asked + " at home: it falls; mend model.links or the limit");
+  cautions.say_if(!asked.empty(), "gravity asks for " + asked + " at home: it falls; correct model.links or the limit");
 }
 
 // Whose stop drops what it carries, may have reasons to go on.

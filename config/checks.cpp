@@ -124,7 +124,7 @@ void check_fallback_policy(const RobotConfig& robot, const Fallback& fallback, c
 void check_cart_pole(const RobotConfig& robot, const CartPole& machine, Checker& checker) {
   const bool fits = robot.joints.size() == 2 && !robot.joints[0].passive && robot.joints[1].passive;
   checker.require(fits, "simulation.cart_pole",
-                  "needs two joints: the cart's, driven, and the pole's, `passive: true`; mend `joints`");
+                  "needs two joints: the cart's, driven, and the pole's, `passive: true`; correct `joints`");
   checker.require(!robot.model.has_value(), "simulation.cart_pole",
                   "stands beside a `model`: the simulator would not know which to move; drop one");
   checker.require(
@@ -207,7 +207,7 @@ void check_dds(const RobotConfig& robot, Checker& checker) {
     checker.require(is_plain(dds.peers[i].address), fmt::format("dds.peers[{}].address", i),
                     fmt::format(kPlain, "host"));
   checker.require(dds.multicast || !dds.peers.empty() || dds.interface == "lo", "dds.interface",
-                  "nobody can be found on it; add `peers`, or `multicast: true`");
+                  "no participant can be found on it; add `peers`, or `multicast: true`");
 }
 
 void check_telemetry(const RobotConfig& robot, Checker& checker) {

@@ -113,7 +113,7 @@ std::string simulated_reaction_text(const DeployFile& deploy) {
       "degraded: {{ behaviour: fallback, fallback: stand, after: 40 ms, resume_over: 0 ms }}\n"
       "fallbacks:\n"
       "  stand: {{ kind: policy, command: [{}], for: 0 s }}   # for ever\n"
-      "stops:   # it stands on until somebody holds it, where a damped stop lets it fall\n"
+      "stops:   # it stands on until a person holds it, where a damped stop lets it fall\n"
       "  operator_stop: {{ how: policy, for: 0 s }}\n"
       "  bad_commands: {{ how: policy, for: 0 s }}\n"
       "  overrun: {{ how: policy, for: 10 s }}\n",

@@ -220,7 +220,7 @@ Node read_document(std::string_view text, Tags tags, Problems& problems) {
       problems.add(second.take_root().place, "a second document begins (---); keep one per file");
     return root;
   } catch (const YAML::Exception& error) {
-    problems.add(place_of(error.mark), fmt::format("YAML cannot be read: {}; mend the syntax here", error.msg));
+    problems.add(place_of(error.mark), fmt::format("YAML cannot be read: {}; correct the syntax here", error.msg));
     return {};
   }
 }

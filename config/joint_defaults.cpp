@@ -64,8 +64,8 @@ std::vector<Node*> joints_that_fit(Node& joints, const std::vector<std::string>&
       if (std::ranges::find(found, &joint) == found.end()) found.push_back(&joint);
     }
     if (!fits)
-      problems.add(block.place,
-                   fmt::format("{}.{}: no joint is called `{}`; mend the pattern or remove it", path, kWhose, pattern));
+      problems.add(block.place, fmt::format("{}.{}: no joint is called `{}`; correct the pattern or remove it", path,
+                                            kWhose, pattern));
   }
   return found;
 }

@@ -60,11 +60,12 @@ std::vector<std::string_view> models_of(const Fields& fields, DriveProtocol prot
 
 void describe_fd_bitrate(Fields& fields, Drive& drive) {
   double rate = drive.fd_bitrate;
-  fields.quantity({"fd_bitrate",
-                   "mit (damiao): commands and replies are CAN FD frames whose data phase has this rate: its bus's "
-                   "data_bitrate, and what the drive's register 35 must say; 0 bit/s: classic frames",
-                   "0 bit/s"},
-                  rate, Dimension::bit_rate, between(0, 10e6));
+  fields.quantity(
+      {"fd_bitrate",
+       "mit (damiao): rate of the data phase of its CAN FD frames: the bus's data_bitrate; the drive's register "
+       "35 must say it; 0 bit/s: classic frames",
+       "0 bit/s"},
+      rate, Dimension::bit_rate, between(0, 10e6));
   drive.fd_bitrate = static_cast<std::uint32_t>(std::lround(rate));
 }
 

@@ -125,7 +125,7 @@ void describe_keep(Fields& fields, RunKeep& keep) {
 
 void describe_dds(Fields& fields, Dds& dds) {
   fields.integer({"domain", "DDS domain, ROS_DOMAIN_ID of those who listen", "0"}, dds.domain, 0, 232);
-  fields.text({"interface", "the one network interface used; lo: nobody outside this machine", "lo"}, dds.interface);
+  fields.text({"interface", "the one network interface used; lo: this machine alone", "lo"}, dds.interface);
   fields.flag(
       {"multicast", "false: only the peers are told of us, and this machine where the interface is lo", "false"},
       dds.multicast);
@@ -134,14 +134,13 @@ void describe_dds(Fields& fields, Dds& dds) {
   });
   fields.quantity({"joint_state_rate", "of joint_states", "100 Hz"}, dds.joint_state_rate, Dimension::frequency,
                   between(0.1, 1000));
-  fields.flag({"allow_requests", "true: whoever reaches the domain may arm and stop the robot", "false"},
+  fields.flag({"allow_requests", "true: every participant of the domain may arm and stop the robot", "false"},
               dds.allow_requests);
 }
 
 void describe_prometheus(Fields& fields, Prometheus& prometheus) {
-  fields.text(
-      {"address", "of the machine's own that is listened on; 127.0.0.1: nobody outside this machine", "127.0.0.1"},
-      prometheus.address);
+  fields.text({"address", "of the machine's own that is listened on; 127.0.0.1: this machine alone", "127.0.0.1"},
+              prometheus.address);
   fields.integer({"port", "of GET /metrics", "9464"}, prometheus.port, 1, 65'535);
 }
 
@@ -161,7 +160,7 @@ void describe_evidence(Fields& fields, RobotConfig& robot) {
   fields.section({"record", "what a run leaves behind", "{}"}, [&](Fields& f) {
     f.text({"directory", "run folders are made in it; a relative path starts at the working directory", "runs"},
            robot.record.directory);
-    f.choice({"recorder", "required: without one that writes nobody arms, and a moving robot stops", "required"},
+    f.choice({"recorder", "required: without one that writes arming is refused, and a moving robot stops", "required"},
              robot.record.recorder, kRecorders);
     f.duration({"keyframe_period", "time between two stored states that replay can start from", "1 s"},
                robot.record.keyframe_period, milliseconds(10), seconds(600));

@@ -73,7 +73,7 @@ void describe_sensor(Fields& fields, Sensor& sensor) {
   if (!is_image || fields.shows_all())
     fields.integer({"values", "numbers per sample; none for an image"}, sensor.values, 1, kMaxSensorValues);
   fields.duration({"timeout", "a sample older than this is not used"}, sensor.timeout, milliseconds(1), seconds(60));
-  fields.text({"unit", "of its values; whoever publishes another is refused", "unstated"}, sensor.unit);
+  fields.text({"unit", "of its values; a publisher of another unit is refused", "unstated"}, sensor.unit);
   fields.text(
       {"frame",
        "what its values are expressed in: base, world, a body's name; where a policy's exporter says one, it must be "
@@ -86,7 +86,7 @@ void describe_sensor(Fields& fields, Sensor& sensor) {
          "0"},
         sensor.queue, 0, kMaxSensorQueue);
   bool is_command = sensor.command.has_value();
-  fields.optional_section({"command", "a person's wish: limits, and what holds while nobody says anything"}, is_command,
+  fields.optional_section({"command", "operator input: limits, and what holds while there is none"}, is_command,
                           [&](Fields& f) { describe_command(f, sensor); });
   bool is_from_ros = sensor.ros.has_value();
   fields.optional_section({"ros", "takt-ros-sensors serves it from a topic of ROS 2, in the domain of `dds`"},
@@ -94,10 +94,11 @@ void describe_sensor(Fields& fields, Sensor& sensor) {
 }
 
 void describe_imu(Fields& fields, Imu& imu, Words sensors) {
-  fields.one_of({"sensor",
-                 "name of an entry in sensors, of ten values: rotation w x y z (base in world), angular velocity x y z "
-                 "(rad/s, base frame), specific force x y z (m/s^2, base frame)"},
-                imu.sensor, sensors, "sensor");
+  fields.one_of(
+      {"sensor",
+       "entry of sensors with ten values: rotation w x y z (base in world); angular velocity x y z (rad/s, base "
+       "frame); specific force x y z (m/s^2, base frame)"},
+      imu.sensor, sensors, "sensor");
   fields.quantity({"tilt", "angle from upright beyond which the robot stops"}, imu.tilt, Dimension::angle,
                   above(0, 3.2));
   fields.quantity({"angular_velocity", "of the base; beyond it the robot stops", "100 rad/s"}, imu.angular_velocity,
@@ -108,8 +109,8 @@ void describe_imu(Fields& fields, Imu& imu, Words sensors) {
       imu.frozen_after, {}, seconds(60));
   fields.quantity(
       {"contradiction",
-       "a rotation that turned further than the angular velocity says, by so much within about 0.5 s, is of "
-       "an IMU that lies, which is lost; 0 rad: not looked for",
+       "angle by which rotation and angular velocity may differ within about 0.5 s; beyond it the IMU is lost; "
+       "0 rad: not looked for",
        "0 rad"},
       imu.contradiction, Dimension::angle, between(0, 3.2));
 }

@@ -100,7 +100,7 @@ void describe_bus_faults(Fields& fields, BusFaults& faults) {
   share({"replies_delayed", "replies a joint sends more than two ticks late", "0.5"}, faults.replies_delayed);
   share({"transmit_drops", "ticks in which a bus did not take a frame of ours", "0.05"}, faults.transmit_drops);
   share({"receive_drops", "ticks in which frames of a bus were lost on this computer", "0.02"}, faults.receive_drops);
-  share({"foreign_frames", "ticks in which somebody else used our drives' ids on a bus", "0.02"},
+  share({"foreign_frames", "ticks in which another controller used our drives' ids on a bus", "0.02"},
         faults.foreign_frames);
   share({"babble", "ticks in which a bus carried more frames than our drives can say", "0.1"}, faults.babble);
   share({"error_passive", "ticks in which a bus's controller was error-passive", "0.5"}, faults.error_passive);

@@ -133,7 +133,7 @@ std::expected<void, std::string> check_images(const RobotConfig& robot, const Ne
     const auto fits = [&](const Dimensions& shape) { return without_ones(tensor.shape, shape.size()) == shape; };
     if (std::ranges::any_of(shapes, fits)) continue;
     return std::unexpected(fmt::format(
-        "{}: input {} is {}, the images of sensor {} become {}: mend the term's layout or history, or the sensor's "
+        "{}: input {} is {}, the images of sensor {} become {}: correct the term's layout or history, or the sensor's "
         "image, in {}",
         robot.policy->file, tensor.name, text_of(without_ones(tensor.shape, shapes.front().size())), seen->sensor,
         text_of(shapes.front()), robot.file));
@@ -149,7 +149,7 @@ std::expected<void, std::string> check_outputs(const RobotConfig& robot, const N
     const Network& network = *graph.networks[outputs[i].network];
     const std::size_t size = network.output(outputs[i].tensor).size();
     if (size != wanted)
-      return std::unexpected(fmt::format("{}: output {} has {} values, the action {}; mend policy.action in {}",
+      return std::unexpected(fmt::format("{}: output {} has {} values, the action {}; correct policy.action in {}",
                                          robot.policy->file, network.outputs()[outputs[i].tensor].name, size, wanted,
                                          robot.file));
   }
@@ -166,7 +166,7 @@ std::expected<void, std::string> add_references(const RobotConfig& robot, Networ
       const auto index = static_cast<std::size_t>(found - network.outputs().begin());
       if (found == network.outputs().end() || network.output(index).size() != width)
         return std::unexpected(fmt::format(
-            "{}: has no output {} of {} values for the term motion_reference; mend policy.observation in {}",
+            "{}: has no output {} of {} values for the term motion_reference; correct policy.observation in {}",
             robot.policy->file, term.output, width, robot.file));
       graph.wiring.references.push_back({{graph.networks.size() - 1, index}, at});
     }

@@ -63,7 +63,7 @@ std::vector<std::string> names_of(const RobotConfig& robot, const std::vector<st
 }
 
 std::unexpected<std::string> refuse(const RobotConfig& robot, const std::string& what) {
-  return std::unexpected(fmt::format("{}: {}; mend policy in {}", robot.policy->file, what, robot.file));
+  return std::unexpected(fmt::format("{}: {}; correct policy in {}", robot.policy->file, what, robot.file));
 }
 
 // Joints are known by name and stand in their places. `of`: "input q is of".

@@ -38,7 +38,7 @@ std::vector<const config::Joint*> driven_joints(const RobotConfig& robot) {
 }
 
 std::unexpected<std::string> refuse(const RobotConfig& robot, const std::string& what) {
-  return std::unexpected(fmt::format("{}: {}; mend it, or export the policy again", robot.file, what));
+  return std::unexpected(fmt::format("{}: {}; correct it, or export the policy again", robot.file, what));
 }
 
 // `what`: "joint", `key`: of the robot file.

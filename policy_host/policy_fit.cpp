@@ -123,7 +123,7 @@ std::expected<void, std::string> check_fit(const RobotConfig& robot, const Polic
   if (context > 0) sum += fmt::format("{}sampler {}", sum.empty() ? "" : " + ", context);
   if (input != policy.input_size()) {
     return std::unexpected(
-        fmt::format("{}: {} wants {} values, the configuration's terms give {}: {}; mend "
+        fmt::format("{}: {} wants {} values, the configuration's terms give {}: {}; correct "
                     "policy.observation in {}",
                     section.file, section.input, policy.input_size(), input, sum, robot.file));
   }
@@ -131,7 +131,7 @@ std::expected<void, std::string> check_fit(const RobotConfig& robot, const Polic
   if (output != policy.output_size()) {
     const std::size_t tensors = config::named_outputs(section).size();
     return std::unexpected(
-        fmt::format("{}: {} gives {} values, the configuration wants {}: {} steps x {} outputs{}; mend "
+        fmt::format("{}: {} gives {} values, the configuration wants {}: {} steps x {} outputs{}; correct "
                     "policy.steps or policy.action in {}",
                     section.file, section.output, policy.output_size(), output, section.steps, outputs_per_step(robot),
                     tensors > 1 ? fmt::format(" x {} tensors", tensors) : "", robot.file));

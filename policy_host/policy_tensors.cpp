@@ -69,10 +69,10 @@ std::expected<std::vector<std::size_t>, std::string> find_all(std::span<const Te
     const auto tensor = find(tensors, name);
     if (!tensor) {
       return std::unexpected(
-          fmt::format("{0}: no {1} named {2}, it has {3}; mend policy.{1}", file, what, name, names(tensors)));
+          fmt::format("{0}: no {1} named {2}, it has {3}; correct policy.{1}", file, what, name, names(tensors)));
     }
     if (std::ranges::find(found, *tensor) != found.end()) {
-      return std::unexpected(fmt::format("{0}: {1} {2} is named twice; mend policy.{1}", file, what, name));
+      return std::unexpected(fmt::format("{0}: {1} {2} is named twice; correct policy.{1}", file, what, name));
     }
     found.push_back(*tensor);
   }

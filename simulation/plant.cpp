@@ -31,7 +31,7 @@ std::expected<Plant, std::string> Plant::make(const config::RobotConfig& robot, 
   for (const config::Joint& joint : robot.joints) {
     std::unique_ptr<Device> device = make_device(joint.drive, robot.simulation->drive_watchdog);
     if (!device)
-      return std::unexpected(robot.file + ": joint " + joint.name + ": nobody simulates " +
+      return std::unexpected(robot.file + ": joint " + joint.name + ": the plant does not simulate " +
                              std::string(config::name(joint.drive.protocol)) + " drives");
     joints.push_back({joint, std::move(device), ReplyPath(seed_for(robot.simulation->seed, joints.size()))});
   }

@@ -133,7 +133,7 @@ std::expected<void, WorldEnd> WorldLink::call_on(MonoTime deadline) {
     const bool may_come = errno == ENOENT || errno == ECONNREFUSED || errno == EAGAIN || errno == EINTR;
     if (!may_come || monotonic_now() >= deadline)
       return std::unexpected(
-          end(WorldEndKind::absent, "nobody to connect to (" + ipc::errno_text() + "); start the world first"));
+          end(WorldEndKind::absent, "no process to connect to (" + ipc::errno_text() + "); start the world first"));
     sleep_until(monotonic_now() + kCallAgain);
   }
 }

@@ -103,7 +103,7 @@ std::set<std::string> obstacles(const panel::Contest& contest, const std::string
       found.insert(fmt::format("method {}: `link: repeat_last` exists in virtual time only", method.name));
     if (method.method.built_in != panel::BuiltIn::takt)
       found.insert(fmt::format("method {}: it is built in for virtual time; name another by --method", method.name));
-    if (!robot.simulation) found.insert(robot.file + ": no `simulation`, so nobody knows what the robot really did");
+    if (!robot.simulation) found.insert(robot.file + ": no `simulation`, so what the robot really did is unknown");
     const auto real = panel::real_trouble_of(perturbation, robot, planned.seed);
     if (!real) found.insert(real.error());
     if (real && !real->policy_faults.empty() && !policy_host.empty())

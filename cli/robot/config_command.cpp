@@ -128,7 +128,7 @@ void add_config(CLI::App& app, int& exit_code) {
       add_file_command(*parent, exit_code, "check", "Say what is wrong with a robot file, or that nothing is.",
                        "Example: takt config check config/arm6.yaml\n"
                        "Also what takt-policy-host would refuse of an ONNX policy, and takt-plant of `simulation`.\n"
-                       "Exit codes: 0 valid, 65 not (one line per problem: file:line:column: what; how to mend).",
+                       "Exit codes: 0 valid, 65 not (one line per problem: file:line:column: what; how to correct).",
                        check);
   parent->get_subcommand("check")->add_flag("--strict", checked->strict, "refuse a file with notes, too");
   parent->get_subcommand("check")->add_option(

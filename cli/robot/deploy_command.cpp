@@ -180,7 +180,7 @@ void add_deploy(CLI::App& app, int& exit_code) {
   command->add_option("ROBOT", options->robot_file, "robot file")->required();
   command->add_option("--name", options->name, "of the deployment; default: UTC time and the robot's name");
   command->add_option("--watch", options->watch, "tracking for this long proves it")->capture_default_str();
-  command->add_option("--arm-within", options->arm_within, "wait this long for somebody to arm it")
+  command->add_option("--arm-within", options->arm_within, "wait this long for an operator to arm it")
       ->capture_default_str();
   command->add_flag("--arm", options->arm, "arm it as soon as nothing is missing");
   command->add_flag("--simulated", options->simulated, "takt-plant plays the robot");

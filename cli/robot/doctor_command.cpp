@@ -90,7 +90,7 @@ int examine(const DoctorOptions& options) {
 
 void add_doctor(CLI::App& app, int& exit_code) {
   CLI::App* command =
-      app.add_subcommand("doctor", "Say whether this machine can do hard real time, and how to mend it.");
+      app.add_subcommand("doctor", "Say whether this machine can do hard real time, and how to correct it.");
   auto options = std::make_shared<DoctorOptions>();
   CLI::Option* const robot = command->add_option("--robot", options->robot_file,
                                                  "robot file: its core, priority, CAN interfaces and disk too");

@@ -55,7 +55,7 @@ std::expected<void, Refusal> require_disarmed(const std::vector<std::string>& ru
     const auto answer = ask_status(directory);
     if (!answer) continue;
     if (!*answer)
-      return not_alone(fmt::format("nobody knows whether the robot in {} is armed: {}; end its executive first",
+      return not_alone(fmt::format("whether the robot in {} is armed is unknown: {}; end its executive first",
                                    directory, answer->error()));
     const auto& tick = (*answer)->status.tick;
     if (tick.drives_enabled != 0)

@@ -158,7 +158,7 @@ void add_gamepad(CLI::App& app, int& exit_code) {
       "Example: takt gamepad wish --robot g1.yaml --device /dev/input/by-id/usb-Pad-event-joystick\n"
       "While the button is not held, and once it has ended, what the robot file calls when_absent holds.\n"
       "Exit codes: 0 ended by a signal, 64 command line, 65 configuration, 69 no such gamepad, it was unplugged, or "
-      "somebody else commands.");
+      "another process commands.");
   added->callback([options, &exit_code] {
     const auto done = gamepad(*options);
     if (!done) fmt::print(stderr, "takt gamepad: {}\n", done.error().sentence);

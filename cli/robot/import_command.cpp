@@ -252,8 +252,8 @@ void add_config_import(CLI::App& config, int& exit_code) {
   command
       ->add_option(
           "EXPORT", given->export_file,
-          "deploy.yaml (its Python tags are data, never executed), the YAML of a LEAPP bundle, or an ONNX file with "
-          "metadata of exploy's, mjlab's or whole_body_tracking's exporter")
+          "deploy.yaml (its Python tags are never executed), a LEAPP bundle's YAML, or an ONNX file with metadata of "
+          "exploy, mjlab or whole_body_tracking")
       ->required();
   command->add_option("--policy", given->policy_file,
                       "the exported ONNX file; default: EXPORT, where it is one or a bundle");

@@ -312,7 +312,8 @@ void add_joint(CLI::App& app, int& exit_code) {
       "disabled. Ctrl-C disables it too, and so does straying 2 degrees from the way.\n"
       "What you saw is kept on the drive's card: the only proof of gear_ratio. At a terminal it is asked for.\n"
       "Exit codes: 0 moved as asked, 1 refused, not moved as asked, or the drive failed, 3 moved as asked, and a scale "
-      "is\nwrong, 4 moved as asked, and nobody saw what the drive cannot tell, 64 command line, 65 configuration, 69 "
+      "is\nwrong, 4 moved as asked, and --saw is missing where the drive cannot tell, 64 command line, 65 "
+      "configuration, 69 "
       "the bus\nis not there.");
   command->callback([options, &exit_code, saw] {
     if (saw->count() > 0) options->saw_degrees = options->saw;

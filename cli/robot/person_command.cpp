@@ -40,8 +40,9 @@ std::expected<config::Sensor, Refusal> sensor_of(const config::RobotConfig& robo
   for (std::size_t i = 0; i < options.values.size(); ++i) {
     const double low = sensor->command->minimum[i], high = sensor->command->maximum[i];
     if (!(options.values[i] >= low && options.values[i] <= high))
-      return refusal(kExitUsage, fmt::format("value {} of {} is {}, outside [{}, {}] of {}: nobody would believe it",
-                                             i + 1, sensor->name, options.values[i], low, high, robot.file));
+      return refusal(kExitUsage,
+                     fmt::format("value {} of {} is {}, outside [{}, {}] of {}: the policy host would drop it", i + 1,
+                                 sensor->name, options.values[i], low, high, robot.file));
   }
   return *sensor;
 }
@@ -92,7 +93,7 @@ void add_person_command(CLI::App& app, int& exit_code) {
   added->footer(
       "Example: takt command wish 0.5 0 0 --for 2s --robot g1.yaml\n"
       "Afterwards what the robot file calls when_absent holds, once the sensor's timeout is over.\n"
-      "Exit codes: 0 said, 64 command line (also a value outside its limits), 65 configuration, 69 somebody else "
+      "Exit codes: 0 said, 64 command line (also a value outside its limits), 65 configuration, 69 another process "
       "commands.");
   added->callback([options, &exit_code] {
     const auto done = command(*options);

@@ -133,7 +133,7 @@ std::expected<ChildProcess, Refusal> start_host(const SwapOptions& options, cons
   const std::string robot_file =
       options.robot_file.empty() ? remembered_robot_file(robot.directory()) : options.robot_file;
   if (robot_file.empty())
-    return std::unexpected(Refusal{kExitUsage, "nobody left the robot file's name: say it with --robot"});
+    return std::unexpected(Refusal{kExitUsage, "the run left no name of its robot file: say it with --robot"});
   const auto config = config::load(robot_file);
   if (!config) return std::unexpected(Refusal{config::kExitBadConfiguration, config.error()});
   ChildProcess::Options child;
@@ -289,7 +289,7 @@ void add_policy_swap(CLI::App& policy, int& exit_code) {
 }
 
 void add_policy_back(CLI::App& policy, int& exit_code) {
-  CLI::App* command = policy.add_subcommand("back", "Put the robot's own policy back in charge.");
+  CLI::App* command = policy.add_subcommand("back", "Switch back to the robot's own policy.");
   auto options = add_where(*command);
   command->footer(
       "Example: takt policy back\n"

@@ -35,7 +35,7 @@ constexpr const char* kFooter =
     "policy.\n"
     "Exit codes: 0 ended as asked, 1 arming refused, a process failed, or what was scripted never happened, 2 ended "
     "in\n"
-    "a stop or fault that nobody asked for: the last line says which; 64 command line, 65 configuration,\n"
+    "a stop or fault that was not asked for: the last line says which; 64 command line, 65 configuration,\n"
     "69 a process or bus is missing or the executive answers nothing, 70 bug, 71 set-up refused (real time, "
     "permissions).";
 

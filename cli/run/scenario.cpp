@@ -124,7 +124,8 @@ std::expected<void, std::string> add_event(const std::string& line, std::vector<
     return {};
   }
   if (verb != "freeze") return refuse(kGrammar);
-  const auto span = parse_duration(rest);
+  constexpr std::string_view kFor = "for ";  // as it is told
+  const auto span = parse_duration(std::string_view(rest).substr(rest.starts_with(kFor) ? kFor.size() : 0));
   if (!span) return refuse(span.error());
   events.push_back({*at, ActionKind::freeze, *process,
                     fmt::format("freeze {} for {}", target, config::format_duration(*span)), *span});

@@ -233,7 +233,7 @@ Supervisor::Outcome Supervisor::start_all() {
     display_.note(
         "warning: without real-time guarantees on this machine: fine for a look, not for a robot, and every artifact "
         "says "
-        "so; `takt doctor` says how to mend it");
+        "so; `takt doctor` says how to correct it");
   return {};
 }
 

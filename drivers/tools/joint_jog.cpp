@@ -193,7 +193,7 @@ void JointJog::watch_ramp(MonoTime now) {
   const double strayed = driver_.feedback().q - reference_;
   if (std::abs(strayed) <= kOffRamp) return;
   fail("strayed " + degrees(strayed) +
-           " from where it was led, and was let go: blocked, pulled by gravity harder than "
+           " from where it was led, and was released: blocked, pulled by gravity harder than "
            "--torque and the model carry, turning the wrong way, or led too fast",
        now);
 }

@@ -76,12 +76,12 @@ void StopSearch::begin(MonoTime now) {
 void StopSearch::search(MonoTime now) {
   const double q = driver_.feedback().q;
   const double way = wish_.direction * (q - start_);
-  if (way < -kAstray) return fail("went " + degrees(-way) + " the other way, and was let go", now);
+  if (way < -kAstray) return fail("went " + degrees(-way) + " the other way, and was released", now);
   if (wish_.direction * (q - reference_) > kAstray)
-    return fail("ran ahead of where it was led, and was let go: pulled by gravity, or pushed", now);
+    return fail("ran ahead of where it was led, and was released: pulled by gravity, or pushed", now);
   if (way > wish_.within) return fail("no stop within " + degrees(wish_.within), now);
   if (now - entered_ > Duration{static_cast<std::int64_t>(2e9 * wish_.within / wish_.speed)} + kSpare)
-    return fail("took too long, and was let go after " + degrees(way), now);
+    return fail("took too long, and was released after " + degrees(way), now);
   const double led = reference_ + wish_.direction * wish_.speed * (now - ticked_).seconds();
   reference_ = std::clamp(led, q - stretch(), q + stretch());
   const bool pulled_with_all = std::abs(reference_ - q) >= 0.9 * stretch();

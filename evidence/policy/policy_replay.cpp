@@ -199,7 +199,7 @@ std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> Replayer::make(con
 std::string Replayer::unfit(const PolicyInput& input) const {
   const std::size_t places = observation_.image_places().size();
   if (!is_other_ && input.header.built_in == 0)
-    return "its answers come from an engine of somebody's own, which cannot be run here; compare an ONNX file by "
+    return "its answers come from a plugin engine, which cannot be run here; compare an ONNX file by "
            "--with";
   if (!is_other_ && input.header.policy_hash != result_.hash)
     return fmt::format(

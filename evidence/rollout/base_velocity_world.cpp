@@ -60,7 +60,7 @@ std::string problem_of(const config::RobotConfig& robot, const BaseVelocityTask&
                          robot.file, task.command[0], task.command[1], task.command[2], sensor->name);
   for (const config::ObservationTerm& term : robot.policy->observation)
     if (!term.sensor.empty() && term.sensor != sensor->name && config::image_of(robot, term) == nullptr)
-      return fmt::format("{}: task base_velocity plays the command and the IMU, and nobody plays sensor {}", robot.file,
+      return fmt::format("{}: task base_velocity plays the command and the IMU, but not sensor {}", robot.file,
                          term.sensor);
   if (robot.imu && outside != nullptr && !outside->link().gives(TAKT_WORLD_IMU))
     return "world " + outside->link().world() + " gives no IMU's readings, and " + robot.file + " has `imu`";

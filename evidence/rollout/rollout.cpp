@@ -60,7 +60,7 @@ std::string blindness(const config::RobotConfig& robot, const plant::OutsideMech
     const std::string& name = robot.sensors[sensor].name;
     return robot.file + ": its policy sees images of " + name + ", which " +
            (outside == nullptr
-                ? "nobody renders in virtual time: give it a world that does (--world), or try it in real "
+                ? "are not rendered in virtual time: give it a world that does (--world), or try it in real "
                   "time, with `takt run`"
                 : "world " + outside->link().world() + " does not give");
   }

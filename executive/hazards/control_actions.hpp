@@ -37,7 +37,7 @@ enum class Loss : std::uint8_t { person, machine, load, evidence };
 
 inline constexpr std::array<std::string_view, 4> kLosses{
     "a person is hurt", "the robot, or what stands around it, is damaged", "what the robot carries is dropped",
-    "nobody can tell afterwards what happened and why"};
+    "what happened, and why, cannot be told afterwards"};
 
 enum class Hazard : std::uint8_t { uncommanded, outdated, beyond, unfelt, falls, powered, unrecorded, contested };
 
@@ -50,7 +50,7 @@ struct HazardRow {
 
 inline constexpr std::array<HazardRow, 8> kHazards{{
     {Hazard::uncommanded,
-     "the robot moves although nobody armed it, or after it was told to stop",
+     "the robot moves although it was not armed, or after it was told to stop",
      {Loss::person, Loss::machine},
      "only a person's arm, granted while nothing blocks it, leaves standby; every stop stays until a person ends it"},
     {Hazard::outdated,
@@ -62,7 +62,7 @@ inline constexpr std::array<HazardRow, 8> kHazards{{
      {Loss::person, Loss::machine, Loss::load},
      "no frame asks for more than the robot file allows, whatever the policy or our own code says"},
     {Hazard::unfelt,
-     "a joint is driven whose position and speed nobody knows",
+     "a joint is driven whose position and speed are unknown",
      {Loss::person, Loss::machine},
      "a joint that was silent for feedback.timeout is not driven, and gets no power again before a person's reset"},
     {Hazard::falls,
@@ -72,13 +72,13 @@ inline constexpr std::array<HazardRow, 8> kHazards{{
     {Hazard::powered,
      "drives keep their power although a person wants none",
      {Loss::person},
-     "a person's wish for no power is carried out in one tick, from every mode, with every fault"},
+     "an operator's request for no power is carried out in one tick, from every mode, with every fault"},
     {Hazard::unrecorded,
      "the robot moves and nothing of it is recorded",
      {Loss::evidence},
      "a robot whose recorder is required neither arms nor goes on moving without it"},
     {Hazard::contested,
-     "somebody else commands the same drives",
+     "another controller commands the same drives",
      {Loss::person, Loss::machine},
      "one controller per bus: interfaces are claimed, ids are listened to before the first frame and ever after"},
 }};
@@ -174,9 +174,9 @@ inline constexpr std::array<UnsafeRow, 33> kUnsafe{{
     {Unsafe::A3,
      Action::arm,
      Guide::given,
-     "arm is given while somebody is within reach",
+     "arm is given while a person is within reach",
      {Hazard::uncommanded},
-     "the executive sees nobody: what it can do is to arm on a person's request only, never by itself",
+     "the executive sees no people: what it can do is to arm on a person's request only, never by itself",
      "pipeline_test ModeMachine.NoSetOfCausesBreaksALatch",
      "a cause is judged by the next one's row"},
     {Unsafe::A4,
@@ -225,7 +225,7 @@ inline constexpr std::array<UnsafeRow, 33> kUnsafe{{
     {Unsafe::T3,
      Action::target,
      Guide::given,
-     "a target is no number, has the wrong shape, or is another policy's",
+     "a target is NaN, has the wrong shape, or is another policy's",
      {Hazard::outdated, Hazard::beyond},
      "a message is copied once, then judged whole; what is wrong is refused by name and never played",
      "pipeline_test Arrival.EachFaultHasItsName",
@@ -365,11 +365,11 @@ inline constexpr std::array<UnsafeRow, 33> kUnsafe{{
     {Unsafe::S8,
      Action::stop,
      Guide::given,
-     "a stop that is left to the fallback policy moves a robot that was let go, or that something else stops too",
+     "a stop that is left to the fallback policy moves a robot that was released, or that something else stops too",
      {Hazard::uncommanded, Hazard::falls},
      "that policy only goes on moving a robot that tracked or was degraded; any other cause ends it for good",
      "pipeline_test StopByPolicy.APersonsNextStopMovesNobodyWhomTheFirstLetGo",
-     "a stop by the fallback policy moves a robot that was let go"},
+     "a stop by the fallback policy moves a robot that was released"},
 
     {Unsafe::D1,
      Action::disarm,
@@ -378,7 +378,7 @@ inline constexpr std::array<UnsafeRow, 33> kUnsafe{{
      {Hazard::powered},
      "de-energising outranks every cause, in every mode",
      "pipeline_test OperatorStop.DeenergisesInTheVeryTickFromEveryMode",
-     "a person's wish for no power is not granted"},
+     "an operator's request for no power is not granted"},
     {Unsafe::D2,
      Action::disarm,
      Guide::not_given,

@@ -21,7 +21,7 @@ std::string connect_fault(const std::string& path) {
   switch (errno) {
     case ENOENT:
     case ECONNREFUSED:
-      return "rendezvous: nobody listens at " + path +
+      return "rendezvous: no process listens at " + path +
              ": start the robot (or the sensor) first, or check --runtime-dir";
     case EACCES:
       return "rendezvous: no permission to connect to " + path + ": run as the server's user or root";

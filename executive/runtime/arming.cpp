@@ -32,7 +32,7 @@ std::vector<std::string> missing_for_arming(const TickRecord& latest, const pipe
   if (situation.shutting_down) return {"the executive is shutting down: start it again"};
   std::vector<std::string> sentences;
   if (!situation.realtime && !situation.allow_non_realtime) {
-    sentences.emplace_back("real-time set-up is incomplete: mend it, or start with --allow-non-realtime");
+    sentences.emplace_back("real-time set-up is incomplete: correct it, or start with --allow-non-realtime");
   }
   if (!situation.policy_attached)
     sentences.emplace_back(latest.header.candidate.in_charge != 0

@@ -174,7 +174,7 @@ int main(int argc, char** argv) {
   app.footer(
       "Exit codes: 0 ended as asked, 64 command line, 65 configuration, 69 a bus is missing, 70 bug, 71 set-up "
       "refused\n"
-      "(real time, permissions, another executive, somebody else commands the drives).");
+      "(real time, permissions, another executive, another controller of the drives).");
   if (const auto ended = program::parse(app, argc, argv)) return *ended;
   return program::run("takt-executive", [&] { return takt::runtime::run(options); });
 }

@@ -64,7 +64,7 @@ std::expected<void, std::string> listen_for_others(const config::RobotConfig& ro
       const auto commands = drivers::device_ids(robot, bus);
       if (const auto frame = heard_command(*buses[bus], commands))
         return std::unexpected(fmt::format(
-            "{}: somebody else commands our drives, heard on id 0x{:0{}x}: end that controller, then start again",
+            "{}: another controller commands our drives, heard on id 0x{:0{}x}: end that controller, then start again",
             robot.buses[bus].interface, frame->id, frame->extended ? 8 : 3));
     }
     if (!is_last) std::this_thread::sleep_for(5ms);

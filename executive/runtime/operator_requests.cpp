@@ -50,7 +50,7 @@ OperatorReply Reception::answer(const OperatorMessage& message) {
         for (const std::string& fault : drive_faults(latest, parts_.config, parts_.robot.joints)) say(reply, fault);
       for (const config::WatchdogWaiver& waiver : config::watchdog_waivers(parts_.robot))
         say(reply,
-            "joint " + waiver.joint + ": its drive need not stop by itself (watchdog_waiver: " + waiver.reason + ")");
+            "joint " + waiver.joint + ": its drive has no command timeout (watchdog_waiver: " + waiver.reason + ")");
       break;
     case OperatorVerb::arm:
       arm(reply);
@@ -138,7 +138,7 @@ void Reception::reset(OperatorReply& reply) {
       return say(reply, kStillMoves);
     case Mode::fault_latched:
       if ((now.causes_active & pipeline::kLastingFaults) == 0) return say(reply, kStillMoves);
-      return say(reply, "the fault still holds: " + active_causes(now) + ": mend it, then reset");
+      return say(reply, "the fault still holds: " + active_causes(now) + ": correct it, then reset");
     case Mode::arming:
     case Mode::tracking:
     case Mode::degraded:

@@ -265,7 +265,7 @@ AuditItem post_mortems(const Artifact& artifact) {
                                            index + 1, row.failure_label, rollout_id(row)));
         break;
       case PostMortemState::drafted:
-        item.missing.push_back(fmt::format("row {} failed ({}) and nobody completed postmortems/{}.md", index + 1,
+        item.missing.push_back(fmt::format("row {} failed ({}) and postmortems/{}.md is not completed", index + 1,
                                            row.failure_label, rollout_id(row)));
         break;
       case PostMortemState::missing:

@@ -77,7 +77,7 @@ std::string gain_advice(const config::RobotConfig& robot, std::size_t joint, con
     for (const Gains& tried : {Gains{less.kp, now.kd}, less})
       if (trial.suffices(tried)) return lowered(now, tried);
   }
-  return "no lower kp or kd mends it; take delay out of its loop (drive, bus, observer_bandwidth)";
+  return "no lower kp or kd corrects it; take delay out of its loop (drive, bus, observer_bandwidth)";
 }
 
 }  // namespace takt::margin

@@ -59,11 +59,11 @@ void arm_timer(Duration within) {
 LoadWatch::LoadWatch(const std::string& what, Duration within) : stack_(new std::byte[kStackBytes]) {
   for (std::size_t i = 0; i < kCrashes.size(); ++i)
     g_sentences.crashed[i] =
-        fmt::format("{}: crashed while it was loaded (SIG{}); mend the plugin, or the file that it reads\n", what,
+        fmt::format("{}: crashed while it was loaded (SIG{}); correct the plugin, or the file that it reads\n", what,
                     sigabbrev_np(kCrashes[i]));
-  g_sentences.ended = what + ": ended the process while it was loaded; mend the plugin\n";
+  g_sentences.ended = what + ": ended the process while it was loaded; correct the plugin\n";
   g_sentences.stalled =
-      fmt::format("{}: was not loaded within {:g} s; mend the plugin, or raise policy.engine.load_within\n", what,
+      fmt::format("{}: was not loaded within {:g} s; correct the plugin, or raise policy.engine.load_within\n", what,
                   within.seconds());
   static const bool registered = std::atexit(on_exit) == 0;
   (void)registered;

@@ -157,12 +157,12 @@ std::expected<std::unique_ptr<Policy>, std::string> with_sampler(const config::R
   if (times != 1 && times != shape.steps)
     return std::unexpected(
         fmt::format("{}: its inputs {} hold {} values, the configuration wants {} of observation, {} "
-                    "of chunk, and 1 or {} of time; mend policy.observation or policy.steps in {}",
+                    "of chunk, and 1 or {} of time; correct policy.observation or policy.steps in {}",
                     section.file, network_input(section), network->input_size(), shape.observation, values, shape.steps,
                     robot.file));
   if (network->output_size() != values)
     return std::unexpected(fmt::format(
-        "{}: {} gives {} values, the configuration wants {}: {} steps x {} outputs; mend "
+        "{}: {} gives {} values, the configuration wants {}: {} steps x {} outputs; correct "
         "policy.steps or policy.action in {}",
         section.file, section.output, network->output_size(), values, shape.steps, shape.outputs, robot.file));
   if (section.sampler->prefix == PrefixUse::trained && times == 1 && shape.steps != 1)

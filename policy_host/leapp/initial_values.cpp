@@ -79,7 +79,7 @@ std::expected<std::map<std::string, InitialValue>, std::string> read_initial_val
       std::memcpy(value.values.data(), data.data() + entry["data_offsets"][0].get<std::size_t>(), size);
       for (const float each : value.values)
         if (!std::isfinite(each))
-          return refuse(fmt::format("'{}' holds a value that is no number", config::on_one_line(key)));
+          return refuse(fmt::format("'{}' holds a value that is NaN", config::on_one_line(key)));
       values.emplace(key, std::move(value));
     }
   } catch (const nlohmann::json::exception&) {

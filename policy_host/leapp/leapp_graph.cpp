@@ -133,7 +133,7 @@ class Loader {
       found = &port;
     }
     if (found != nullptr) return *found;
-    return std::unexpected(refusal(fmt::format("no {0} named {1}, it has {2}; mend policy.{0}", what, name, all)));
+    return std::unexpected(refusal(fmt::format("no {0} named {1}, it has {2}; correct policy.{0}", what, name, all)));
   }
 
   Problem choose_inputs(const std::string& list) {
@@ -144,7 +144,7 @@ class Loader {
         const auto port = named(bundle_.inputs, name, "input");
         if (!port) return port.error();
         if (std::ranges::find(chosen, *port) != chosen.end())
-          return refusal(fmt::format("input {} is named twice; mend policy.input", name));
+          return refusal(fmt::format("input {} is named twice; correct policy.input", name));
         chosen.push_back(*port);
       }
     }
@@ -190,8 +190,9 @@ std::expected<std::string, std::string> checked_model_file(const std::string& bu
   std::ifstream stream(path, std::ios::binary);
   if (!stream) return std::unexpected(fmt::format("{}: is not there; it stands beside {}", path.string(), bundle));
   if (node.sha256.empty())
-    return std::unexpected(fmt::format(
-        "{}: has no sha256sum of {}, so nobody knows which network that is; export it again", bundle, node.model_path));
+    return std::unexpected(
+        fmt::format("{}: has no sha256sum of {}, so which network that is cannot be checked; export it again", bundle,
+                    node.model_path));
   const std::string sha256 = config::sha256_hex(std::string(std::istreambuf_iterator<char>(stream), {}));
   if (!std::ranges::equal(sha256, node.sha256, {}, {}, [](unsigned char c) { return std::tolower(c); }))
     return std::unexpected(

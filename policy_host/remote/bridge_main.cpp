@@ -30,8 +30,8 @@ int main(int argc, char** argv) {
   using namespace takt::policy_host::remote;
   CommonOptions options;
   CLI::App app(
-      "Lets a robot be moved by a policy on another machine: shows observations to policy servers in the robot file's "
-      "DDS domain, plays the answers of one (docs/remote-policy.md).\n"
+      "Lets a policy on another machine move a robot (docs/remote-policy.md). It shows observations to policy servers "
+      "in the robot file's DDS domain, and plays the answers of one.\n"
       "Example: takt run robot.yaml --policy-host takt-policy-bridge --arm");
   add_common(app, options);
   app.footer("Exit codes: 0 ended by a signal, 64 command line, 65 robot file refused, 69 no DDS domain, 70 bug.");

@@ -122,7 +122,7 @@ class Network : public takt_engine_network {
     for (const takt_engine_tensor& stated : std::span(setup.shapes, setup.shape_count))
       if (std::ranges::find(in_, stated.name, &Port::name) == in_.end())
         throw std::runtime_error(
-            fmt::format("{}: forward has no argument {}; mend policy.engine.shapes", file_, stated.name));
+            fmt::format("{}: forward has no argument {}; correct policy.engine.shapes", file_, stated.name));
     if (in_.empty()) throw std::runtime_error(file_ + ": forward takes no tensor");
     const auto open = std::ranges::find(in_, 0, [](const Port& port) { return port.shape.back(); });
     if (open != in_.end()) find_width(*open);

@@ -25,9 +25,9 @@ Stage Probation::look(Duration now, const std::optional<StatusSnapshot>& status)
   } else if (status->monitor_pid == 0) {
     stage_ = end(Stage::failed, "the monitor has left: nothing is recorded (journalctl -u takt-monitor)");
   } else if (wanted_.fallback && status->fallback_pid == 0) {
-    stage_ =
-        end(Stage::failed,
-            "the fallback policy's host has left: nobody would take over (journalctl -u takt-policy-host-fallback@*)");
+    stage_ = end(
+        Stage::failed,
+        "the fallback policy's host has left: no policy would take over (journalctl -u takt-policy-host-fallback@*)");
   } else {
     stage_ = stage_ == Stage::waiting ? wait(now, *status) : prove(now, *status);
   }
@@ -66,7 +66,7 @@ Stage Probation::wait(Duration now, const StatusSnapshot& status) {
       break;
   }
   if (now - since_ < times_.arm_within) return Stage::waiting;
-  return end(Stage::unproven, fmt::format("nobody armed it within {:.0f} s", times_.arm_within.seconds()));
+  return end(Stage::unproven, fmt::format("it was not armed within {:.0f} s", times_.arm_within.seconds()));
 }
 
 Stage Probation::prove(Duration now, const StatusSnapshot& status) {

@@ -66,7 +66,7 @@ std::expected<std::string, std::string> try_out(const config::RobotConfig& robot
                                                 const std::string& world) {
   if (!robot.simulation) return "the policy loads and fits; no `simulation`, so nothing was run";
   if (world.empty() && config::sees_images(robot))
-    return "the policy loads and fits; nobody renders the images that it sees, so nothing was run: give it a world "
+    return "the policy loads and fits; the images that it sees are not rendered, so nothing was run: give it a world "
            "that "
            "does (--world)";
   if (world.empty()) return roll_out(robot, policy, nullptr);

@@ -88,7 +88,7 @@ std::string text_of(const std::vector<Finding>& findings, const Snapshot& snapsh
   }
   if (snapshot.wakeup) text += histogram(*snapshot.wakeup);
   const auto count = [&findings](Verdict verdict) { return std::ranges::count(findings, verdict, &Finding::verdict); };
-  return text + fmt::format("\n{} to mend, {} to improve, {} fine: {}\n", count(Verdict::fail), count(Verdict::warn),
+  return text + fmt::format("\n{} to correct, {} to improve, {} fine: {}\n", count(Verdict::fail), count(Verdict::warn),
                             count(Verdict::ok),
                             worst(findings) == Verdict::fail ? "not fit for hard real time" : "fit for hard real time");
 }
@@ -100,7 +100,7 @@ std::string json_of(const std::vector<Finding>& findings, const Snapshot& snapsh
                    {"verdict", name(finding.verdict)},
                    {"found", finding.found},
                    {"where", finding.where},
-                   {"mend", finding.mend}});
+                   {"correct", finding.mend}});
   return Json{{"schema", "takt.doctor/1"},           {"verdict", name(worst(findings))},
               {"examined_at", snapshot.examined_at}, {"takt", snapshot.takt_version},
               {"kernel", snapshot.kernel_release},   {"findings", all},

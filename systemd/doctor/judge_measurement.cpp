@@ -69,7 +69,7 @@ Finding wakeups(const WakeupLatency& latency, const config::RobotConfig* robot) 
   if (latency.max_ns > period_ns / 2)
     return bad(Verdict::fail, "wake-ups", found, where,
                first_hold_awake(latency) +
-                   "mend the lines above first; then look for what the firmware does with hwlatdetect (rt-tests)");
+                   "correct the lines above first; then look for what the firmware does with hwlatdetect (rt-tests)");
   if (latency.max_ns > period_ns / 10 || !latency.real_time)
     return bad(
         Verdict::warn, "wake-ups", found, where,

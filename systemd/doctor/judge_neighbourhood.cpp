@@ -43,7 +43,7 @@ Finding real_time_threads(const Case& of, int cpu) {
         !thread.name.starts_with("takt-"))
       before_us.push_back(fmt::format("{} ({})", thread.name, thread.priority));
   if (before_us.empty())
-    return fine("rt threads", fmt::format("nobody else's comes before the loop's priority {}", ours), where);
+    return fine("rt threads", fmt::format("none comes before the loop's priority {}", ours), where);
   const std::size_t count = before_us.size();
   if (count > 3) before_us.resize(3);
   return bad(Verdict::warn, "rt threads",

@@ -86,13 +86,13 @@ Finding watchdog(const Snapshot& machine) {
     return bad(Verdict::warn, "watchdog", "no hardware watchdog", where,
                "load its driver (iTCO_wdt, i6300esb, sp5100_tco)");
   if (machine.systemd_watchdog.empty() || machine.systemd_watchdog == "off" || machine.systemd_watchdog == "0")
-    return bad(Verdict::warn, "watchdog", machine.watchdog + ", and nobody feeds it", where,
+    return bad(Verdict::warn, "watchdog", machine.watchdog + ", and nothing feeds it", where,
                "RuntimeWatchdogSec=10s in /etc/systemd/system.conf: a machine that hangs restarts itself");
   return fine("watchdog", fmt::format("{}, fed every {}", machine.watchdog, machine.systemd_watchdog), where);
 }
 
 Finding waived(const config::WatchdogWaiver& waiver) {
-  return bad(Verdict::warn, "drive " + waiver.joint, "need not stop by itself: " + waiver.reason,
+  return bad(Verdict::warn, "drive " + waiver.joint, "has no command timeout: " + waiver.reason,
              "joints[].drive.watchdog_waiver of the robot file",
              "set the time-out in the drive; where the drive tells it, drop the waiver");
 }

@@ -328,7 +328,7 @@ TEST_F(ClientTest, AQueueGivesWhatCameSinceTheLastObservationAndSaysWhatIsMissin
   sense(first, 8);
   next(4);
   EXPECT_EQ(firsts_of(queue), (std::vector<float>{7, 8}));
-  EXPECT_EQ(queue.dropped, 1U) << "what is no number is not shown";
+  EXPECT_EQ(queue.dropped, 1U) << "what is NaN is not shown";
 
   EXPECT_EQ(next(5).outside_sensed_ns, first.ns) << "nothing new: the one before still is the newest";
   EXPECT_EQ(queue.count, 0U);
@@ -719,7 +719,7 @@ TEST_F(ClientTest, WhatCannotBeMeantIsUsage) {
 TEST_F(ClientTest, WaitsForNobodyLongerThanItIsTold) {
   ASSERT_EQ(takt_policy_open(&spec_, &policy_, why_.data(), kRoom), TAKT_OK) << why_.data();
   EXPECT_EQ(takt_policy_attach(policy_, kShortNs), TAKT_NOTHING);
-  EXPECT_NE(std::string(takt_policy_sentence(policy_)).find("nobody listens"), std::string::npos);
+  EXPECT_NE(std::string(takt_policy_sentence(policy_)).find("no process listens"), std::string::npos);
 }
 
 TEST_F(ClientTest, AnExecutiveThatRefusesIsNoneToWaitFor) {

@@ -4,7 +4,8 @@
 Method: README.md, the other pages beside it and docs/*.md are read without code and what a command prints; tables are
 read for single words only. No paragraph or list item has more than 90 words. No sentence has more than 45, and of a
 page's sentences nine of ten have at most 30. No word of INSTEAD_OF is used. Each sentence begins on a line of its own,
-of at most 120 columns. A span of code counts as one word.
+of at most 120 columns. A span of code counts as one word. In the sources of the programs the strings are read for the
+words of INSTEAD_OF: keys, help, messages. No sentence of a key's text has more than 25 words.
 Usage: words_test.py REPOSITORY [PAGE...]. Exit codes: 0 fine, 1 not: a line per finding, with file, line and how to
 correct it.
 """
@@ -16,6 +17,7 @@ import sys
 MOST_WORDS_OF_A_PARAGRAPH = 90
 MOST_WORDS_OF_A_SENTENCE = 45
 MOST_WORDS_OF_NINE_IN_TEN = 30
+MOST_WORDS_OF_A_KEY = 25
 MOST_COLUMNS = 120
 
 # Pages that a command prints, whole or between two marks: they are corrected in that command's sources.
@@ -29,6 +31,9 @@ PRINTED_PARTS = {
                        (r"\| model \| velocity", r"$", "config/drives/make_presets.py")],
     "docs/panels.md": [(r"<!-- made by ", r"<!-- end of what it made", "tests/docs/headline_table.py --write")],
 }
+ROOMS = ("executive", "config", "dds", "drivers", "policy_host", "client", "sensors", "monitor", "simulation", "evidence", "lab", "systemd", "cli")
+RECORDED = {"monitor/record/tick_schema.cpp"}  # its words are in every run folder
+
 # A release has at most 40 lines (pages_test.py): its lines are long and hold several sentences.
 LONG_LINES = {"CHANGELOG.md"}
 
@@ -170,10 +175,36 @@ def findings(root, page):
     return [*too_long(name, list(paragraphs(sentences_only))), *unused_words(name, lines), *lines_of_more(name, sentences_only)]
 
 
+def strings(path):
+    """(line number, string) of each string of a C++ file."""
+    for number, line in enumerate(path.read_text().splitlines(), 1):
+        if re.match(r"\s*(//|#include)", line):
+            continue
+        for found in re.finditer(r'"((?:[^"\\]|\\.)*)"', re.sub(r"\s//[^\"]*$", "", line)):
+            yield number, found[1]
+
+
+def findings_in_sources(root):
+    for path in sorted(path for room in ROOMS for path in (root / room).rglob("*.[ch]pp")):
+        name = path.relative_to(root).as_posix()
+        if name not in RECORDED:
+            yield from unused_words(name, strings(path))
+
+
+def long_keys(root):
+    """Of the table that `takt config keys` prints: a semicolon ends a sentence there."""
+    for number, line in enumerate((root / "docs/configuration.md").read_text().splitlines(), 1):
+        row = re.match(r"\| `([^`]+)` \|.*\| ([^|]+) \|$", line)
+        for part in re.split(r"(?<=[.;]) ", row[2] if row else ""):
+            if len(words(plain(part))) > MOST_WORDS_OF_A_KEY:
+                yield f"docs/configuration.md:{number}: {row[1]} has a sentence of {len(words(plain(part)))} words, at most {MOST_WORDS_OF_A_KEY}: split it"
+
+
 def main():
     root = pathlib.Path(sys.argv[1])
     pages = [root / page for page in sys.argv[2:]] or [*sorted(root.glob("*.md")), *sorted((root / "docs").glob("*.md"))]
     found = [finding for page in pages for finding in findings(root, page)]
+    found += [] if sys.argv[2:] else [*findings_in_sources(root), *long_keys(root)]
     print("\n".join(found) or f"{len(pages)} pages in short sentences and plain words")
     return 1 if found else 0
 

@@ -39,7 +39,7 @@ constexpr Strike kStrikes[] = {
     {Cause::enable_timeout, Happening::drive_deaf, "arming begins", {}, 1, {}},
     {Cause::command_late, Happening::policy_silent, "the policy falls silent", {}},
     {Cause::command_lost, Happening::policy_silent, "the policy falls silent", {}},
-    {Cause::bad_commands, Happening::policy_nonsense, "the policy begins to say what is no number", kAnswer},
+    {Cause::bad_commands, Happening::policy_nonsense, "the policy begins to say what is NaN", kAnswer},
     {Cause::feedback_lost, Happening::drive_silent, "a drive falls silent", {}},
     {Cause::drive_fault, Happening::drive_error, "a drive finds an error", kReport},
     {Cause::drive_disabled, Happening::drive_taken_away, "a stranger disables a drive", kReport},

@@ -40,7 +40,7 @@ def crosses(edit, start, end):
 
 
 def add_fault(fault, source, found):
-    """A hand-written mutant, as edit and mutant among those of its file. Says how to mend one that no longer applies."""
+    """A hand-written mutant, as edit and mutant among those of its file. Says how to correct one that no longer applies."""
     at = []
     for function in found.functions:
         if function.name == fault["function"]:

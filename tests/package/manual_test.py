@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Goal: manual pages and completion say what the programs' --help says, all of it, and are well-formed. Method: they are
-made anew from this build; every command is found by asking the programs (not by the generator), every word of every
+made anew from this build, whose help has no sentence of more than 25 words; every command is found by asking the programs (not by the generator), every word of every
 help text is looked for in its rendered page, `man` is asked for warnings, and real shells complete lines: bash and fish;
 zsh, which completes on a terminal only, runs the function with its own two words for offering replaced.
 Usage: manual_test.py MANUAL.py BIN_DIR. Exit codes: 0 fine, 1 not, 77 man or bash is not installed.
 """
+import importlib.util
 import os
 import pathlib
 import re
@@ -102,6 +103,21 @@ def robot_page_problems(out, bin_dir):
         [] if len(keys) > 100 else [f"only {len(keys)} keys"])
 
 
+def long_sentences(generator, bin_dir):
+    """No sentence of a help text has more than 25 words; a semicolon ends one there."""
+    spec = importlib.util.spec_from_file_location("manual", generator)
+    manual = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(manual)
+    pending = [manual.Help(bin_dir, [program]) for program in PROGRAMS]
+    while pending:
+        command = pending.pop()
+        texts = [command.summary, *command.notes, *(meaning for terms in command.sections.values() for _, meaning in terms)]
+        for sentence in (sentence for text in texts for sentence in re.split(r"(?<=[.;]) ", text)):
+            if len(re.findall(r"\S*\w\S*", sentence)) > 25:
+                yield f"{command.name} --help: more than 25 words: {sentence}"
+        pending += command.children
+
+
 def main():
     if len(sys.argv) != 3:
         print(__doc__, file=sys.stderr)
@@ -116,6 +132,7 @@ def main():
         commands = [[program] for program in PROGRAMS] + [["takt", name] for name in subcommands(help_of(bin_dir, ["takt"]))]
         problems = [problem for words in commands for problem in page_problems(out, bin_dir, words)]
         problems += robot_page_problems(out, bin_dir)
+        problems += long_sentences(generator, bin_dir)
         for shell, complete in (("bash", completed), ("fish", completed_by_fish), ("zsh", completed_by_zsh)):
             if not shutil.which(shell):
                 print(f"SKIPPED: {shell} is not installed: ITS COMPLETION WAS NOT TESTED")

@@ -59,10 +59,10 @@ TEST_F(OnnxPolicyTest, HiddenStateGoesRoundAndResets) {
 TEST_F(OnnxPolicyTest, RefusesTensorsThatAreNotThere) {
   const auto no_input = load(accumulator(), "observation");
   ASSERT_FALSE(no_input);
-  EXPECT_EQ(no_input.error(), file() + ": no input named observation, it has h_in, obs; mend policy.input");
+  EXPECT_EQ(no_input.error(), file() + ": no input named observation, it has h_in, obs; correct policy.input");
   const auto no_output = load(accumulator(), "obs", "action");
   ASSERT_FALSE(no_output);
-  EXPECT_EQ(no_output.error(), file() + ": no output named action, it has h_out, actions; mend policy.output");
+  EXPECT_EQ(no_output.error(), file() + ": no output named action, it has h_out, actions; correct policy.output");
 }
 
 TEST_F(OnnxPolicyTest, RefusesAnInputThatNothingFeeds) {

@@ -24,15 +24,16 @@ TEST(PolicyFit, NamesBothInputSizesAndTheSum) {
   ASSERT_FALSE(fits);
   EXPECT_EQ(fits.error(),
             "small.onnx: obs wants 13 values, the configuration's terms give 10: joint_position_relative 3 + "
-            "sensor eye 2 x 2 + last_action 3; mend policy.observation in small.yaml");
+            "sensor eye 2 x 2 + last_action 3; correct policy.observation in small.yaml");
 }
 
 TEST(PolicyFit, NamesBothOutputSizesAndTheProduct) {
   const auto fits = check_fit(small_robot(), ScriptedPolicy(10, 3));
   ASSERT_FALSE(fits);
-  EXPECT_EQ(fits.error(),
-            "small.onnx: actions gives 3 values, the configuration wants 12: 4 steps x 3 outputs; mend policy.steps or "
-            "policy.action in small.yaml");
+  EXPECT_EQ(
+      fits.error(),
+      "small.onnx: actions gives 3 values, the configuration wants 12: 4 steps x 3 outputs; correct policy.steps or "
+      "policy.action in small.yaml");
 }
 
 TEST(PolicyFit, RefusesARecurrentPolicyWithSeveralRequestsInFlight) {

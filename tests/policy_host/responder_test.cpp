@@ -261,7 +261,7 @@ TEST_F(SamplerResponderTest, AChunkHasTheStepsThatWereAgreedOn) {
   EXPECT_FLOAT_EQ(chunk->values[value_index(chunk->header, CommandField::q, 1, 2)], 3.0F + 5.0F);
   answer(responder, policy, 2, 1, 0, milliseconds(3));
   EXPECT_EQ(std::vector(request_.input.begin() + 7, request_.input.begin() + 10), (std::vector<float>{3, 4, 5}))
-      << "as the last action the last step stands on: what was not agreed on is no number";
+      << "as the last action the last step stands on: what was not agreed on is NaN";
   EXPECT_FALSE(request_.after_reset);
   policy.agreed = 0;
   EXPECT_EQ(answer(responder, policy, 3, 2, 0, milliseconds(3))->header.step_count, 1U)

@@ -289,7 +289,7 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_robstride_driver(c
   if (!is_positive(range.p) || !is_positive(range.v) || !is_positive(range.kp) || !is_positive(range.kd) ||
       !is_positive(range.t))
     return std::unexpected("the drive's packed ranges are not all positive: name a model or give every range");
-  if (drive.id < 1 || drive.id > 127) return std::unexpected("robstride drives are numbered 1 to 127: mend id");
+  if (drive.id < 1 || drive.id > 127) return std::unexpected("robstride drives are numbered 1 to 127: correct id");
   if (drive.host_id < 128 || drive.host_id > 253)
     return std::unexpected("host_id must lie beyond every drive's number and below 254: 253 is usual");
   settings.address = {static_cast<std::uint8_t>(drive.id), static_cast<std::uint8_t>(drive.host_id)};

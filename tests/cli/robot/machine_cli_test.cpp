@@ -33,7 +33,7 @@ TEST_F(Machine, TheDoctorJudgesThisMachine) {
   int interfaces = 0;
   for (const auto& finding : json["findings"]) {
     interfaces += finding["check"].get<std::string>().starts_with("can ") ? 1 : 0;
-    EXPECT_EQ(finding["mend"] == "", finding["verdict"] == "ok") << finding;
+    EXPECT_EQ(finding["correct"] == "", finding["verdict"] == "ok") << finding;
   }
   EXPECT_EQ(interfaces, 4);
   const Ended text = takt("doctor --robot config/arm6.yaml --for 50ms --load");

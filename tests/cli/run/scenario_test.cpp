@@ -20,9 +20,19 @@ TEST(Scenario, EventsComeInOrderOfTimeAndAFreezeBringsItsThaw) {
   EXPECT_EQ((*events)[3].process, ProcessName::policy);
 }
 
+TEST(Scenario, TakesAFreezeAsItIsTold) {
+  const auto told = parse_scenario({"8s: freeze policy 300ms"});
+  ASSERT_EQ(as_given(told->front()), "--at '8 s: freeze policy for 300 ms'");
+  const auto again = parse_scenario({"8 s: freeze policy for 300 ms"});
+  ASSERT_TRUE(again.has_value()) << again.error();
+  EXPECT_EQ(again->front().length, milliseconds(300));
+  EXPECT_EQ(as_given(again->front()), as_given(told->front()));
+}
+
 TEST(Scenario, RefusesWhatItDoesNotUnderstand) {
   for (const char* line : {"kill policy", "8: kill policy", "8s kill policy", "8s: kill camera", "8s: freeze policy",
-                           "8s: freeze policy soon", "8s: kill policy now", "8s: stop it", "8s:", "-1s: stop"}) {
+                           "8s: freeze policy soon", "8s: freeze policy for", "8s: freeze policy for for 1s",
+                           "8s: kill policy now", "8s: stop it", "8s:", "-1s: stop"}) {
     const auto events = parse_scenario({line});
     ASSERT_FALSE(events.has_value()) << line;
     EXPECT_EQ(events.error().find("--at '" + std::string(line) + "': "), 0U) << events.error();

@@ -116,7 +116,7 @@ TEST(WireGuard, EveryMitLimitHasItsVerdict) {
       {"no command in use", allowed, [](Decision& d, config::Joint&) { d.moment.valid_until = {}; }},
       {"silent joint", feedback_lost, [](Decision& d, config::Joint&) { d.feedback_age = milliseconds(21); }},
       {"never heard", feedback_lost, [](Decision& d, config::Joint&) { d.feedback_age = kDecided - MonoTime{}; }},
-      {"estimate is no number", not_finite, [](Decision& d, config::Joint&) { d.at_q = NAN; }},
+      {"estimate is NaN", not_finite, [](Decision& d, config::Joint&) { d.at_q = NAN; }},
   };
   for (const Row& row : rows) {
     Decision decision = of_ak80_9();
@@ -294,8 +294,8 @@ TEST(WireGuard, WhatLeavesInsteadBrakesWhatTwoMeasure) {
       {"the slower of the two, backwards", 0, -1, -1.8F, milliseconds(1), 0.5F},
       {"they do not agree", 0, 10, -0.1F, milliseconds(1), 0},
       {"the drive stands", 0, 10, 0, milliseconds(1), 0},
-      {"the drive's is no number", 0, 10, NAN, milliseconds(1), 0},
-      {"the estimate is no number", 0, NAN, 10, milliseconds(1), 0},
+      {"the drive's is NaN", 0, 10, NAN, milliseconds(1), 0},
+      {"the estimate is NaN", 0, NAN, 10, milliseconds(1), 0},
       {"no further than slew from none", 0, 10, 10, milliseconds(1), -1},
       {"no further than slew from the last", -2, 10, 10, milliseconds(1), -3},
       {"what pushed is let go", 3, 10, 10, milliseconds(1), 0},
@@ -347,10 +347,10 @@ TEST(WireGuard, ReadsMoteus) {
       {"the drive's own watchdog", {.torque = 1, .kp = 0.5F, .watchdog = 0}, expired},
       {"more than the drive may", {.torque = 1, .kp = 0.5F, .most = 8.1F}, torque},
       {"as much as the drive can", {.torque = 1, .kp = 0.5F, .most = NAN}, torque},
-      {"position is no number", {.position = NAN, .torque = 1, .kp = 0.5F}, not_finite},
+      {"position is NaN", {.position = NAN, .torque = 1, .kp = 0.5F}, not_finite},
       {"a trajectory of its own", {.torque = 1, .kp = 0.5F, .trajectory = "022801ff"}, unknown_frame},
       {"the fastest one", {.torque = 1, .kp = 0.5F, .trajectory = "02287f7f"}, unknown_frame},
-      {"none, by the int8 that is no number", {.torque = 1, .kp = 0.5F, .trajectory = "02288080"}, allowed},
+      {"none, by the int8 that is NaN", {.torque = 1, .kp = 0.5F, .trajectory = "02288080"}, allowed},
       {"another mode", {.mode = "01000f", .torque = 1, .kp = 0.5F}, unknown_frame},
   };
   for (const Row& row : rows) {

@@ -112,7 +112,7 @@ class AbusedDriver {
     const JointFeedback& feedback = driver_->feedback();
     const bool finite = std::isfinite(feedback.q) && std::isfinite(feedback.dq) && std::isfinite(feedback.tau) &&
                         std::isfinite(feedback.temperature_C);
-    return finite ? "" : "feedback that is no number";
+    return finite ? "" : "feedback that is NaN";
   }
 
   config::Drive drive_;

@@ -163,7 +163,7 @@ TEST_F(VisionRollout, WhatTroublesSensorsTroublesImages) {
 TEST_F(VisionRollout, WhereNobodyShowsItImagesThereIsOneLineAndNoRow) {
   EXPECT_THAT(
       roll(nullptr).problem,
-      HasSubstr("its policy sees images of cam0, which nobody renders in virtual time: give it a world that does"));
+      HasSubstr("its policy sees images of cam0, which are not rendered in virtual time: give it a world that does"));
   const ForkedWorld process([](const std::string& path) {
     takt::test::play(path, TAKT_WORLD_ERROR, [](const takt_world&, takt_world_state&) { return true; });
   });

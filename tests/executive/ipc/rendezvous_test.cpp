@@ -495,7 +495,7 @@ TEST_F(Rendezvous, ThePolicysUserMayOnlyBeAPolicy) {
 TEST_F(Rendezvous, ClientSaysWhatIsWrongWithoutAServer) {
   const auto absent = attach(path_, hello_of(Role::policy), kTimeout);
   ASSERT_FALSE(absent);
-  EXPECT_TRUE(contains(absent.error(), "nobody listens at " + path_)) << absent.error();
+  EXPECT_TRUE(contains(absent.error(), "no process listens at " + path_)) << absent.error();
 
   // A server that never answers: its backlog takes the connection, nobody serves.
   auto idle = RendezvousServer::listen(path_, geteuid(), admit_all());

@@ -516,8 +516,8 @@ TEST_F(StopByPolicy, WhatItStoodStillBeforeIsNoRest) {
   for (int i = 0; i < 300 && player() == Player::fallback; ++i) two.tick(OperatorRequest::reset);
   ASSERT_EQ(player(), Player::none);
   for (int i = 0; i < 99; ++i) {
-    ASSERT_EQ(two.rig.mode(), Mode::damped_stop) << "reset " << i << " ms after it was let go";
-    ASSERT_FALSE(is_stiff()) << "held " << i << " ms after it was let go";
+    ASSERT_EQ(two.rig.mode(), Mode::damped_stop) << "reset " << i << " ms after it was released";
+    ASSERT_FALSE(is_stiff()) << "held " << i << " ms after it was released";
     two.tick(OperatorRequest::reset);
   }
   two.run(10);

@@ -334,7 +334,7 @@ TEST_F(ReceptionTest, StatusRepeatsEveryWatchdogWaiver) {
   robot_.joints[1].drive.watchdog_waiver = "seen to stop within 100 ms";
   EXPECT_THAT(ask(OperatorVerb::status).sentences,
               HasSubstr("joint " + robot_.joints[1].name +
-                        ": its drive need not stop by itself (watchdog_waiver: seen "
+                        ": its drive has no command timeout (watchdog_waiver: seen "
                         "to stop within 100 ms)"));
 }
 

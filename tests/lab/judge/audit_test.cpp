@@ -156,7 +156,7 @@ TEST_F(AuditTest, AFailureWithoutACompletedPostMortemIsNotReady) {
   ASSERT_EQ(draft_post_mortems(artifact), 1U);
   const Audit drafted = judged(artifact);
   EXPECT_EQ(missing(drafted, "post-mortems"),
-            Missing{"row 2 failed (command_lost) and nobody completed postmortems/reach.stall@400.fast.s1.md"});
+            Missing{"row 2 failed (command_lost) and postmortems/reach.stall@400.fast.s1.md is not completed"});
   EXPECT_FALSE(drafted.is_consistent());
   EXPECT_TRUE(audit_text(drafted).ends_with("1 missing; no row computed anew\nnot audit-ready\n"));
   EXPECT_EQ(to_json(drafted)["audit_ready"], false);

@@ -263,7 +263,7 @@ class Engines(unittest.TestCase):
         for who, robot in self.engines("looking", SHAPES, looks):
             self.agree(self.answers(robot, observations), expected, f"{who}, looking")
         turned = self.robot("looking.onnx", "builtin", change=lambda text: looks(text).replace("height: 48, width: 64", "height: 64, width: 48"))
-        self.assertIn("looking.onnx: input image is 1 x 48 x 64, the images of sensor cam0 become 1 x 64 x 48: mend", self.answers(turned, observations))
+        self.assertIn("looking.onnx: input image is 1 x 48 x 64, the images of sensor cam0 become 1 x 64 x 48: correct", self.answers(turned, observations))
 
     def write_looking(self, module):
         torch.onnx.export(module.eval(), (torch.zeros(1, JOINTS), torch.zeros(IMAGE)), self.folder / "looking.onnx", input_names=["obs", "image"],

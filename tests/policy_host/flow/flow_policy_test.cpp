@@ -334,7 +334,7 @@ TEST_F(WithSampler, TakesOneTimeOrOnePerStep) {
   EXPECT_EQ(
       refused(12, 3),
       "small.onnx: its inputs obs,x_t,t hold 16 values, the configuration wants 1 of observation, 12 of chunk, and 1 "
-      "or 4 of time; mend policy.observation or policy.steps in small.yaml");
+      "or 4 of time; correct policy.observation or policy.steps in small.yaml");
 }
 
 TEST_F(WithSampler, AnInputSmallerThanTheObservationIsRefusedToo) {

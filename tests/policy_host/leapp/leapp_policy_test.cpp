@@ -462,7 +462,7 @@ TEST_F(LeappPolicy, StartValuesAreReadOrRefused) {
   std::string broken = good;
   const float not_a_number = NAN;
   std::memcpy(broken.data() + broken.size() - 4, &not_a_number, 4);
-  EXPECT_NE(refusal(broken).find("holds a value that is no number"), std::string::npos);
+  EXPECT_NE(refusal(broken).find("holds a value that is NaN"), std::string::npos);
   EXPECT_EQ(refusal(good), "none");
 }
 

@@ -432,7 +432,7 @@ TEST(Diagnose, TextNamesTheCureAndJsonIsStable) {
   const std::string text = text_of(findings, machine);
   EXPECT_NE(text.find("fail  kernel"), std::string::npos) << text;
   EXPECT_NE(text.find("-> apt-get install linux-image-rt"), std::string::npos);
-  EXPECT_NE(text.find("1 to mend, 0 to improve"), std::string::npos);
+  EXPECT_NE(text.find("1 to correct, 0 to improve"), std::string::npos);
   EXPECT_NE(text.find("not fit for hard real time"), std::string::npos);
   const auto json = nlohmann::json::parse(json_of(findings, machine));
   EXPECT_EQ(json["schema"], "takt.doctor/1");
