@@ -6,8 +6,8 @@ What was clean stays clean: a source is checked again only when it, one of the p
 settings or clang-tidy itself have changed. That is remembered per user, so that a fresh clone starts warm.
 On a machine that remembers nothing all of them take an hour of its processors. --for SECONDS begins with what changed
 last and leaves what it did not come to for the next time; it says how many.
-Usage: lint.py BUILD_FOLDER [--for SECONDS], from the project's top folder; BUILD_FOLDER is configured, and need not be
-built. Exit code 1 when something was found.
+Usage: lint.py BUILD_FOLDER [--for SECONDS], from the project's top folder; BUILD_FOLDER is configured, and its
+generated headers are made. Exit code 1 when something was found.
 """
 import concurrent.futures
 import functools
@@ -19,7 +19,7 @@ import subprocess
 import sys
 import time
 
-ROOMS = ("executive", "drivers", "dds", "policy_host", "client", "monitor", "config", "sensors", "simulation", "evidence", "systemd", "cli")
+ROOMS = ("executive", "drivers", "dds", "policy_host", "client", "monitor", "config", "sensors", "simulation", "evidence", "lab", "systemd", "cli")
 # libtorch 1.13's headers, which clang refuses from C++20 on: a vector of a type that is not complete yet.
 LEFT_OUT = {"policy_host/torchscript/torchscript_engine.cpp", "policy_host/torchscript/row_products.cpp"}
 CLANG_TIDY = "clang-tidy-19"
