@@ -18,7 +18,7 @@ namespace takt::cli {
 // Beside those of every program.
 inline constexpr int kExitOk = 0;
 inline constexpr int kExitNotJudged = 2;   // replay: what was judged reproduces, but not all could be judged
-inline constexpr int kExitStopped = 2;     // a stop or fault that nobody asked for stands
+inline constexpr int kExitStopped = 2;     // a stop or fault that was not asked for stands
 inline constexpr int kExitWrongScale = 3;  // joint jog: it moved as asked, and a scale is wrong
 inline constexpr int kExitNotSeen = 4;     // joint jog: it moved as asked, and an eye alone can judge its scale
 

@@ -25,7 +25,7 @@ inline Qos make_qos() {
 class Domain {
  public:
   // Precondition: robot.dds. `name`: as which others see the participant. At most one per process and domain. The error
-  // is one sentence. It hears what comes by its interface and by the loopback, and nothing else (neighbours.hpp).
+  // is one sentence. It does not hear what comes by another interface (neighbours.hpp).
   static std::expected<Domain, std::string> open(const config::RobotConfig& robot, const std::string& name);
   Domain(Domain&& other) noexcept;
   Domain& operator=(Domain&&) = delete;

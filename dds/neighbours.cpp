@@ -8,15 +8,18 @@
 #include <sys/socket.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <filesystem>
 #include <mutex>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 namespace takt::dds {
 namespace {
+
+constexpr const char* kLoopback = "lo";
+constexpr std::size_t kMostOthers = 1000;  // two instructions each, of at most 4096
 
 std::mutex g_mutex;
 LineBudget g_budget;  // guarded
@@ -31,6 +34,17 @@ void write_line(void* /*unused*/, const dds_log_data_t* line) {
   const bool is_error = (line->priority & (DDS_LC_FATAL | DDS_LC_ERROR)) != 0;
   const bool is_warning = (line->priority & DDS_LC_WARNING) != 0;
   spdlog::log(is_error ? spdlog::level::err : is_warning ? spdlog::level::warn : spdlog::level::info, "DDS: {}", text);
+}
+
+// Indices of this machine's interfaces but that and the loopback, at most kMostOthers.
+std::vector<unsigned> others_than(const std::string& interface) {
+  std::vector<unsigned> others;
+  struct if_nameindex* const all = if_nameindex();
+  for (const struct if_nameindex* one = all; one != nullptr && one->if_index != 0; ++one)
+    if (one->if_name != interface && std::string_view(one->if_name) != kLoopback && others.size() < kMostOthers)
+      others.push_back(one->if_index);
+  if (all != nullptr) if_freenameindex(all);
+  return others;
 }
 
 int option(int socket, int name) {
@@ -77,16 +91,22 @@ std::set<int> datagram_sockets() {
 }
 
 bool hear_only(const std::set<int>& sockets, const std::string& interface) {
-  const unsigned index = if_nametoindex(interface.c_str()), loopback = if_nametoindex("lo");
-  if (index == 0) return false;
-  // socket(7), SO_ATTACH_FILTER: the index of the interface by which a packet came, against the two.
-  constexpr auto kInterface = static_cast<unsigned>(SKF_AD_OFF + SKF_AD_IFINDEX);
-  std::array<sock_filter, 5> program{sock_filter{BPF_LD | BPF_W | BPF_ABS, 0, 0, kInterface},
-                                     sock_filter{BPF_JMP | BPF_JEQ | BPF_K, 1, 0, index},
-                                     sock_filter{BPF_JMP | BPF_JEQ | BPF_K, 0, 1, loopback},
-                                     sock_filter{BPF_RET | BPF_K, 0, 0, 0xFFFFFFFF},  // all of it
-                                     sock_filter{BPF_RET | BPF_K, 0, 0, 0}};
-  const sock_fprog filter{program.size(), program.data()};
+  if (if_nametoindex(interface.c_str()) == 0) return false;
+  const std::vector<unsigned> others = others_than(interface);
+  // socket(7), SO_ATTACH_FILTER: by the index of the interface by which a packet came.
+  std::vector<sock_filter> program{
+      {BPF_LD | BPF_W | BPF_ABS, 0, 0, static_cast<unsigned>(SKF_AD_OFF + SKF_AD_IFINDEX)}};
+  if (interface == kLoopback) {
+    program.push_back({BPF_JMP | BPF_JEQ | BPF_K, 1, 0, if_nametoindex(kLoopback)});
+    program.push_back({BPF_RET | BPF_K, 0, 0, 0});
+  }
+  // A network card that is plugged in again, or a tunnel that is set up again, is the same name by another index.
+  for (const unsigned other : others) {
+    program.push_back({BPF_JMP | BPF_JEQ | BPF_K, 0, 1, other});
+    program.push_back({BPF_RET | BPF_K, 0, 0, 0});
+  }
+  program.push_back({BPF_RET | BPF_K, 0, 0, 0xFFFFFFFF});  // all of it
+  const sock_fprog filter{static_cast<unsigned short>(program.size()), program.data()};
   return std::ranges::all_of(sockets, [&](int socket) {
     return setsockopt(socket, SOL_SOCKET, SO_ATTACH_FILTER, &filter, sizeof filter) == 0;
   });

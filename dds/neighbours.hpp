@@ -35,8 +35,9 @@ std::uint64_t dropped_lines();
 
 // The sockets of this process that receive datagrams over IP, by descriptor.
 std::set<int> datagram_sockets();
-// Lets `sockets` receive only what came by that interface or by the loopback: the kernel drops the rest. False: there
-// is no such interface, or the kernel refuses.
+// Makes the kernel drop what comes to `sockets` by another interface than that or the loopback. Of `lo` that is all
+// others, of another one those that are there now: the interface itself may go and come back with another index, and is
+// heard then. False: there is no such interface, or the kernel refuses.
 bool hear_only(const std::set<int>& sockets, const std::string& interface);
 
 }  // namespace takt::dds

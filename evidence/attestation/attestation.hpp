@@ -3,8 +3,8 @@
 // by the fallback policy, or what degraded mode falls back to. A small file that a robot file names in `shown_by`.
 //
 // It is made of an artifact's rows (lab/judge/attest.hpp), and says of which robot, panel, method, perturbations and
-// seeds; of every trial how it ended, and the hash over all of its ticks, so that whoever runs the panel again can
-// compare. It is believed (standing_of) only where it is intact, written by this release of Takt, of this robot as its
+// seeds; of every trial how it ended, and the hash over all of its ticks, so that a second run of the panel can be
+// compared. It is believed (standing_of) only where it is intact, written by this release of Takt, of this robot as its
 // file says it today, and where in every condition the one-sided Clopper-Pearson bound of the share that stood is at
 // least kLeastShown. Bounds are counted anew from the trials, never read. Where other sources of the same release
 // computed it, its line says so.

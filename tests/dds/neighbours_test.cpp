@@ -80,8 +80,8 @@ std::uint16_t checksum(const std::uint8_t* bytes, std::size_t size) {
   return htons(static_cast<std::uint16_t>(~sum));
 }
 
-// As from 10.9.0.2 on the wire at veth0, which is 10.9.0.1.
-void send_from_outside(std::uint16_t port, int count) {
+// As from 10.9.0.2 on the wire at the near end: veth0, which is 10.9.0.1, or veth2, another network.
+void send_from_outside(std::uint16_t port, int count, const char* far_end = "veth1") {
   const auto packet = malformed();
   std::vector<std::uint8_t> frame{2, 0, 0, 0, 0, 1, 2, 0, 0, 0, 0, 2, 0x08, 0x00};  // to, from, IPv4
   iphdr ip{};
@@ -107,7 +107,7 @@ void send_from_outside(std::uint16_t port, int count) {
   const int socket = ::socket(AF_PACKET, SOCK_RAW, 0);
   sockaddr_ll to{};
   to.sll_family = AF_PACKET;
-  to.sll_ifindex = static_cast<int>(if_nametoindex("veth1"));
+  to.sll_ifindex = static_cast<int>(if_nametoindex(far_end));
   to.sll_halen = ETH_ALEN;
   for (int i = 0; i < count; ++i)
     sendto(socket, frame.data(), frame.size(), 0, reinterpret_cast<const sockaddr*>(&to), sizeof to);
@@ -148,12 +148,20 @@ std::optional<Domain> participant(const std::string& interface) {
 
 enum Code { kFine = 0, kNoNamespace = 10, kNoParticipant, kNothingHeard, kOutsideHeard, kLogFlooded, kOutsideDeaf };
 
+constexpr const char* kNear =
+    "ip link add veth0 address 02:00:00:00:00:01 type veth peer name veth1 && ip address add 10.9.0.1/24 dev veth0 && "
+    "ip link set veth0 up && ip link set veth1 up";
+constexpr const char* kElsewhere =
+    "ip link add veth2 address 02:00:00:00:00:01 type veth peer name veth3 && ip address add 10.8.0.1/24 dev veth2 && "
+    "ip link set veth2 up && ip link set veth3 up";
+
+bool set_up(const char* commands) {
+  return std::system(commands) == 0;
+}
+
 bool is_alone_on_a_network() {
   const int namespaces = CLONE_NEWNET | (geteuid() == 0 ? 0 : CLONE_NEWUSER);
-  return unshare(namespaces) == 0 && std::system(
-                                         "ip link set lo up && ip link add veth0 address 02:00:00:00:00:01 type veth "
-                                         "peer name veth1 && ip address add 10.9.0.1/24 dev "
-                                         "veth0 && ip link set veth0 up && ip link set veth1 up") == 0;
+  return unshare(namespaces) == 0 && set_up("ip link set lo up") && set_up(kNear) && set_up(kElsewhere);
 }
 
 int on_the_loopback() {
@@ -172,7 +180,7 @@ int on_the_loopback() {
   return heard.lines() <= 2 * LineBudget::kLines ? kFine : kLogFlooded;
 }
 
-// What the file names is heard: the rule is no wall.
+// What the file names is heard, also when it went and came back; another network is not.
 int on_the_other_interface() {
   const Heard heard;
   const auto domain = participant("veth0");
@@ -181,8 +189,14 @@ int on_the_other_interface() {
   const std::uint64_t before = heard.packets();
   send_from_outside(ports.front(), 5);
   if (!heard.wait_for(before + 5)) return kOutsideDeaf;
-  send_on_loopback(ports.front(), 1);
-  return heard.wait_for(before + 6) ? kFine : kNothingHeard;
+  send_from_outside(ports.front(), 200, "veth3");
+  send_on_loopback(ports.front(), 1);  // comes behind those, where they are read at all
+  if (!heard.wait_for(before + 6)) return kNothingHeard;
+  if (heard.packets() > before + 6) return kOutsideHeard;
+  // As a network adapter that is plugged in again.
+  if (!set_up("ip link del veth0") || !set_up(kNear)) return kNoNamespace;
+  send_from_outside(ports.front(), 5);
+  return heard.wait_for(before + 11) ? kFine : kOutsideDeaf;
 }
 
 int in_a_namespace(int (*test)()) {
