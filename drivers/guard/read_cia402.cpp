@@ -146,7 +146,8 @@ bool may_be(const Setting& row, const JointFacts& facts, std::uint32_t value) no
     case Of::largest_torque:  // no more than it; 0 is none
       return value > 0 && static_cast<float>(value) * facts.torque_per_mille <= most_torque(facts) * 1.0001F;
     case Of::following_window:  // no drive is let run further from its target than the robot file allows
-      return value > 0 && value * facts.rad_per_count <= facts.following_window * 1.0001 + facts.rad_per_count;
+      return value > 0 && facts.following_window > 0 &&
+             value * facts.rad_per_count <= facts.following_window * 1.0001 + facts.rad_per_count;
     case Of::following_timeout:
       return value > 0 && facts.following_window > 0 && value <= facts.following_timeout_ms;
   }

@@ -214,8 +214,8 @@ void follow_stop(TickState& state, const TickRecordHeader& header, const TickCon
   const CauseMask by_policy = causes_stopped_by(StopManner::policy, config);
   const Cause cause = stopped_by(begins ? header.cause : mode.stop_cause, header.causes_active, by_policy);
   if (!begins && cause == mode.stop_cause) return;
-  // One by policy after the other is one stop, and its time is one.
-  const bool goes_on = !begins && (by_policy & bit(mode.stop_cause)) != 0 && (by_policy & bit(cause)) != 0;
+  // One by policy follows only another by policy (stopped_by): that is one stop, and its time is one.
+  const bool goes_on = !begins && (by_policy & bit(cause)) != 0;
   mode.stop_cause = cause;
   if (!goes_on) mode.stopped_since = header.now;
 }

@@ -505,6 +505,10 @@ TEST(WireGuard, APositionDrivesWindowIsTheRobotFiles) {
   EXPECT_EQ(stops.pass(0x601, sdo(0x23, 0x6065, 0, 0xFFFF'FFFF), off), unknown_frame) << "it would never";
   EXPECT_EQ(stops.pass(0x601, timeout, off), allowed) << "twice the executive's own";
   EXPECT_EQ(stops.pass(0x601, sdo(0x2B, 0x6066, 0, 1001), off), unknown_frame);
+  robot.joints[test::joint_named(robot, "right_base_yaw")].kp = 0;
+  GuardBench limp("right_base_yaw", robot);
+  EXPECT_EQ(limp.pass(0x601, sdo(0x23, 0x6065, 0, 1), off), unknown_frame) << "without stiffness there is no window";
+  EXPECT_EQ(limp.pass(0x601, timeout, off), unknown_frame) << "nor a time to be beyond it";
   robot = in_mode(config::Cia402Mode::cst);
   robot.feedback.following = config::Following::stop;
   GuardBench torque("right_base_yaw", robot);
@@ -604,6 +608,21 @@ TEST(WireGuard, ATorqueGoesOnFromTheBrakingThatWentOutInstead) {
   const float braking = left_torque(bench);
   ASSERT_GT(braking, 0.8F);
   EXPECT_EQ(step(braking + 0.9F, 2), allowed);
+}
+
+// A drive that damps by its own measurement is told no torque: the next one starts from what its damping makes.
+TEST(WireGuard, ATorqueGoesOnFromTheDrivesOwnDamping) {
+  GuardBench model = ak80_9();
+  config::Joint& joint = model.robot.joints[test::joint_named(model.robot, "left_elbow")];
+  joint.limits.torque_rate = 1000;  // 1 Nm a tick
+  joint.damping = 4;                // 8 Nm at -2 rad/s
+  GuardBench bench("left_elbow", model.robot);
+  EXPECT_EQ(bench.pass(3, kAk809, of_ak80_9()), slew) << "8 Nm from none";
+  EXPECT_EQ(bench.pass(3, kAk809, of_ak80_9()), allowed) << "8 Nm from the damping's 8 Nm";
+  Decision unknown = of_ak80_9();
+  unknown.at_dq = NAN;
+  EXPECT_NE(bench.pass(3, kAk809, unknown), allowed);
+  EXPECT_EQ(bench.pass(3, kAk809, of_ak80_9()), slew) << "at a speed that is NaN the damping makes none";
 }
 
 }  // namespace

@@ -561,6 +561,31 @@ TEST(Candidate, IsSentBackBeforeTheRobotLeavesTracking) {
   EXPECT_EQ(two.rig.mode(), Mode::tracking);
 }
 
+// The same where the contract ends before the probation's own windows are used up: nothing degrades for what the
+// candidate alone lacks.
+TEST(Candidate, WhatItAloneLacksDegradesNothing) {
+  TickConfig config = robot_on_probation();
+  config.freshness.window_ticks = 1000;
+  config.freshness.epsilon = 0.5;
+  config.freshness.degrade_after = milliseconds(20);
+  TwoHosts two(config);
+  two.start_candidate();
+  two.arm();
+  two.run(200);
+  two.swap();
+  two.run(100);
+  two.hosts[kCandidate].speaks = false;
+  int ticks = 0;
+  for (; two.candidate_in_charge() && ticks < 400; ++ticks) {
+    two.tick();
+    ASSERT_EQ(two.rig.mode(), Mode::tracking) << ticks;
+  }
+  EXPECT_FALSE(two.candidate_in_charge());
+  EXPECT_EQ(two.header().candidate.change, PolicyChange::back_for_stop);
+  two.run(100);
+  EXPECT_EQ(two.rig.mode(), Mode::tracking);
+}
+
 // Goal: a host never takes another policy's path for its own. Method: what observations say around a swap.
 TEST(Candidate, ObservationsSayWhoseChunkIsInUse) {
   TwoHosts two(robot_on_probation());

@@ -147,6 +147,24 @@ TEST(Tracking, ReachesTheTargetThePolicyAsksFor) {
   EXPECT_EQ(rig.header().window_misses, 0U);
 }
 
+// What an ablation takes away: without pursuit the reference is the target itself, from one tick to the next.
+TEST(Tracking, WithoutPursuitTheReferenceIsTheTarget) {
+  for (const bool without : {false, true}) {
+    TickConfig config = robot(2);
+    config.resume_over = {};
+    config.without.pursuit = without;
+    Rig rig(config);
+    rig.arm(0.0F);
+    rig.run_with_policy(100, 0.0F);
+    rig.run_with_policy(20, 0.1F);
+    const float off = std::abs(rig.out->record.joints[0].q_reference - 0.1F);
+    if (without)
+      EXPECT_LE(off, 1e-4F);
+    else
+      EXPECT_GT(off, 0.01F) << "with it, it is led there";
+  }
+}
+
 TEST(Tracking, GravityIsCarriedByTheModel) {
   TickConfig config = robot(6);
   config.gravity_compensation = true;

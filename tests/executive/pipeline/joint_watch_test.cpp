@@ -416,6 +416,56 @@ TEST(JointWatch, AShortSilenceAndASmallMoveAreNoQuestion) {
   }
 }
 
+// Goal: a joint that begins anew gets the whole of `frozen_after`: what it did before its silence counts no more.
+// Method: replies by hand; still for long, a silence, and then torque that would move it within a few ticks.
+TEST(JointWatch, AfterASilenceAJointMayStandStillAnew) {
+  TickConfig config = robot_with(LoopAt::host_torque, false);
+  JointConfig& joint = config.joints[kLiar];
+  joint.inertia = 0.01F;
+  JointWatch watch;
+  MonoTime now{1'000'000'000};
+  const auto hear = [&](float torque) {
+    JointFeedback feedback;
+    feedback.received_at = now;
+    feedback.drive_state = DriveState::enabled;
+    take_feedback(watch, feedback, now, joint, config);
+    JointSetpoint told;
+    told.tau = torque;
+    note_told(watch, told, 0, 0, joint);
+    now = now + config.period;
+    return (feedback_faults(watch, feedback, now, config) & bit(ReplyFault::frozen)) != 0;
+  };
+  for (int i = 0; i < 1000; ++i) ASSERT_FALSE(hear(0));
+  now = now + config.feedback_timeout + config.period;
+  ASSERT_FALSE(hear(0));
+  const float torque = 0.8F * joint.limits.torque;
+  const MonoTime from = now;
+  while (now - from < seconds(1) && !hear(torque)) {
+  }
+  EXPECT_GE(now - from, config.feedback.frozen_after);
+  EXPECT_LE(now - from, config.feedback.frozen_after + milliseconds(5)) << "and no longer";
+}
+
+// Goal: of a joint whose inertia is not known (no model) no motion is expected, so none is missed.
+// Method: a hand that holds it against torque that swings further than friction holds.
+TEST(JointWatch, WithoutAnInertiaNoMotionIsExpected) {
+  TickConfig config = robot_with(LoopAt::host_torque, false);
+  JointConfig& joint = config.joints[kLiar];
+  joint.inertia = joint.inertia_max = 0;
+  JointWatch watch;
+  MonoTime now{1'000'000'000};
+  for (int i = 0; i < 1000; ++i, now = now + config.period) {
+    JointFeedback feedback;
+    feedback.received_at = now;
+    feedback.drive_state = DriveState::enabled;
+    take_feedback(watch, feedback, now, joint, config);
+    JointSetpoint told;
+    told.tau = i < 100 ? 0 : 0.8F * joint.limits.torque;
+    note_told(watch, told, 0, 0, joint);
+    ASSERT_EQ(feedback_faults(watch, feedback, now, config), 0) << i;
+  }
+}
+
 TEST(JointWatch, EachWatchCanBeSwitchedOff) {
   TickConfig config = robot_with(LoopAt::drive, true);
   config.feedback = {0, 0, {}};

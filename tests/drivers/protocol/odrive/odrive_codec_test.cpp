@@ -35,6 +35,7 @@ TEST(OdriveCodec, EncodesThePublishedVectors) {
       {"torque control, passthrough", odrive_controller_mode(3, 1, 1), 0x06B, "0100000001000000"},
       {"velocity", odrive_input_vel(3, 2.0F, 0.5F), 0x06D, "000000400000003f"},
       {"limits", odrive_limits(3, 2.0F, 20.0F), 0x06F, "000000400000a041"},
+      {"a place: the second half means nothing", odrive_set_absolute_position(3, 2.0F), 0x079, "0000004000000000"},
       {"clear errors, do not blink", odrive_clear_errors(3), 0x078, "00"},
       {"emergency stop has no data", odrive_estop(3), 0x062, ""},
       {"the lowest node", odrive_input_torque(0, 0), 0x00E, "00000000"},

@@ -178,6 +178,24 @@ TEST(RobstrideDriver, ARunModeThatDoesNotStayIsAFaultUntilItDoes) {
   EXPECT_EQ(bench.driver.feedback().error_code, 0U);
 }
 
+// Goal: a drive that cannot be set up is asked twice a second and no more: others share its bus.
+TEST(RobstrideDriver, AFailedSetUpRestsForHalfASecond) {
+  Bench bench;
+  const auto asks = [&bench] {
+    return std::ranges::any_of(bench.honest_tick(false, {{0x7005, 2}}), [](const CanFrame& frame) {
+      const std::uint32_t type = frame.id >> 24U;
+      return type == question || type == setting;
+    });
+  };
+  int ticks = 0;
+  for (; bench.driver.feedback().drive_state != DriveState::fault && ticks < 200; ++ticks) asks();
+  ASSERT_LT(ticks, 200);
+  int resting = 0;
+  while (resting < 1000 && !asks()) ++resting;
+  EXPECT_GE(resting, 490);
+  EXPECT_LE(resting, 510);
+}
+
 TEST(RobstrideDriver, ADriveThatDoesNotAnswerIsAFault) {
   Bench bench;
   for (int tick = 0; tick < 100; ++tick) {
