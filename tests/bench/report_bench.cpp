@@ -68,7 +68,7 @@ Cost cost_of_report(const std::string& directory) {
   const std::int64_t begin = ticks();
   const pid_t pid = fork();
   if (pid == 0) {
-    std::freopen("/dev/null", "w", stdout);
+    if (std::freopen("/dev/null", "w", stdout) == nullptr) _exit(127);
     execl(takt.c_str(), "takt", "report", directory.c_str(), nullptr);
     _exit(127);
   }

@@ -125,8 +125,8 @@ class Load {
       if (cpu != spared || cpus.size() == 1) others.push_back(cpu);
     }
     run_on(others);
-    std::freopen("/dev/null", "w", stdout);
-    std::freopen("/dev/null", "w", stderr);
+    for (std::FILE* said : {stdout, stderr})
+      if (std::freopen("/dev/null", "w", said) == nullptr) _exit(127);
     const std::string workers = std::to_string(others.size());
     execlp("stress-ng", "stress-ng", "--cpu", workers.c_str(), "--vm", workers.c_str(), "--vm-bytes", "64M", "--timer",
            workers.c_str(), "--timeout", "80s", nullptr);

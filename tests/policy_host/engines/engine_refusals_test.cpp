@@ -186,7 +186,9 @@ TEST_F(Engines, NoCommandLetsAnEngineOntoTheExecutivesProcessor) {
         "run " + robot + " --duration 100ms --runtime-dir " + directory_.path("rt") + " --run-dir " +
             directory_.path("run")}) {
     std::filesystem::copy(file, directory_.path("p.plan"), std::filesystem::copy_options::overwrite_existing);
-    std::system(("TAKT_ODD_ENGINE=asks timeout 60 " TAKT_PROGRAM " " + command + " >" + said_ + " 2>&1").c_str());
+    ASSERT_NE(
+        std::system(("TAKT_ODD_ENGINE=asks timeout 60 " TAKT_PROGRAM " " + command + " >" + said_ + " 2>&1").c_str()),
+        -1);
     EXPECT_NE(text_of(said_).find("sched_setaffinity refused"), std::string::npos) << command << "\n" << text_of(said_);
     EXPECT_EQ(text_of(said_).find("sched_setaffinity done"), std::string::npos) << command;
   }
