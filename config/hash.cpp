@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <filesystem>
 #include <span>
 
 #include "config/bundle_name.hpp"
@@ -76,8 +77,12 @@ std::vector<std::string> policy_files(const std::string& path) {
 }
 
 std::expected<std::uint64_t, std::string> policy_hash(const std::string& path) {
+  constexpr std::uintmax_t kLargest = std::uintmax_t{16} << 30U;  // bytes: what a robot PC can load
   Sha256 sha;
   for (const std::string& file : policy_files(path)) {
+    std::error_code unknown;
+    if (const auto size = std::filesystem::file_size(file, unknown); !unknown && size > kLargest)
+      return std::unexpected(fmt::format("policy file {}: larger than 16 GiB; check `policy.file`", file));
     if (const auto added = add_file(sha, file); !added)
       return std::unexpected(fmt::format("policy file {}: {}; check `policy.file`", file, added.error()));
   }

@@ -83,6 +83,8 @@ class RendezvousServer {
   [[nodiscard]] const Peer* holder(Role role) const;  // nullptr: lease free; valid until the next serve() or evict()
   void evict(Role role);                              // closes the connection of every holder; `left` is called
   [[nodiscard]] Refusals refusals() const;
+  // False: its socket, or the directory, was removed: who is not connected yet cannot connect any more.
+  [[nodiscard]] bool has_name() const;
 
  private:
   class State;

@@ -120,6 +120,7 @@ class RendezvousServer::State {
   const Peer* holder(Role role) const;
   void evict(Role role);
   Refusals refusals() const { return refusals_; }
+  bool has_name() const { return claim_.has_name(); }
 
  private:
   enum class Stage : std::uint8_t { greeting, leased, closed };
@@ -420,6 +421,9 @@ const Peer* RendezvousServer::holder(Role role) const {
 }
 void RendezvousServer::evict(Role role) {
   state_->evict(role);
+}
+bool RendezvousServer::has_name() const {
+  return state_->has_name();
 }
 RendezvousServer::Refusals RendezvousServer::refusals() const {
   return state_->refusals();

@@ -106,11 +106,13 @@ std::expected<SocketClaim, std::string> SocketClaim::make(const std::string& pat
   return claim;
 }
 
-SocketClaim::~SocketClaim() {
+bool SocketClaim::has_name() const {
   struct stat status {};
-  const bool ours =
-      listener_.is_open() && lstat(path_.c_str(), &status) == 0 && status.st_dev == device_ && status.st_ino == inode_;
-  if (ours) unlink(path_.c_str());
+  return lstat(path_.c_str(), &status) == 0 && status.st_dev == device_ && status.st_ino == inode_;
+}
+
+SocketClaim::~SocketClaim() {
+  if (listener_.is_open() && has_name()) unlink(path_.c_str());
 }
 
 }  // namespace takt::ipc

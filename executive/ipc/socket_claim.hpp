@@ -21,6 +21,8 @@ class SocketClaim {
   SocketClaim(SocketClaim&&) noexcept = default;
   ~SocketClaim();  // unlinks the path, unless a successor has replaced the socket meanwhile
   [[nodiscard]] int listener() const { return listener_.get(); }
+  // False: the socket was removed, or its directory, or another lies in its place: no process finds it any more.
+  [[nodiscard]] bool has_name() const;
 
  private:
   SocketClaim(Descriptor listener, std::string path, dev_t device, ino_t inode)

@@ -69,6 +69,8 @@ class Reception {
   void begin_shutdown() { shutting_down_ = true; }
   // Handles whoever is there, waiting at most `timeout` for somebody.
   void serve(std::chrono::milliseconds timeout);
+  // As RendezvousServer's.
+  [[nodiscard]] bool has_name() const { return server_->has_name(); }
 
  private:
   explicit Reception(const ReceptionParts& parts) : parts_(parts) {}

@@ -2,6 +2,7 @@
 #include "executive/runtime/service.hpp"
 
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <csignal>
 #include <cstring>
@@ -52,6 +53,25 @@ class StandstillAlarm {
   bool alarmed_ = false;
 };
 
+// Says once that no operator can connect any more. Looks once a second.
+class NameAlarm {
+ public:
+  void watch(MonoTime now, const Reception& reception) {
+    if (alarmed_ || (looked_at_.is_set() && now - looked_at_ < seconds(1))) return;
+    looked_at_ = now;
+    if (reception.has_name()) return;
+    alarmed_ = true;
+    spdlog::error(
+        "the runtime directory, or the socket in it, was removed: `takt stop` cannot reach this robot; Ctrl+C in `takt "
+        "run`, `systemctl stop`, or SIGTERM to process {} still stop it",
+        getpid());
+  }
+
+ private:
+  MonoTime looked_at_;
+  bool alarmed_ = false;
+};
+
 }  // namespace
 
 void block_shutdown_signals() {
@@ -65,6 +85,7 @@ void serve(Reception& reception, TickFollower& follower, DriveCards& cards, Stat
   Journal journal;
   ServiceManager manager;
   StandstillAlarm alarm;
+  NameAlarm name_alarm;
   Shutdown shutdown;
   std::uint64_t asked_at_tick = 0;
   while (true) {
@@ -78,6 +99,7 @@ void serve(Reception& reception, TickFollower& follower, DriveCards& cards, Stat
     const StatusSnapshot& status = board.read();
     journal.summarise(now, status);
     alarm.watch(now, status.ticks);
+    name_alarm.watch(now, reception);
     if (manager.report(now, status.ticks, status_line(status))) spdlog::info("ready: {} ticks", status.ticks);
     if (const int signal = take_signal(); signal != 0) {
       spdlog::info("SIG{}: {}", sigabbrev_np(signal),

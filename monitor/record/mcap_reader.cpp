@@ -21,7 +21,9 @@ namespace {
 using mcap::Opcode;
 using mcap::Parser;
 
-constexpr std::uint64_t kLargestChunk = 256U << 20U;  // uncompressed bytes; a lying header must not exhaust memory
+// Uncompressed bytes: a lying header must not exhaust memory, nor a small file hours.
+constexpr std::uint64_t kLargestChunk = 256U << 20U;
+constexpr std::uint64_t kLargestRatio = 1000;  // of them to those in the file; ticks of a robot at rest reach some 50
 
 struct Schema {
   std::string name, text;
@@ -130,7 +132,8 @@ class Scan {
     const auto crc = parser.get<std::uint32_t>();
     const std::string compression = parser.text();
     const auto stored = parser.take(parser.get<std::uint64_t>());
-    if (!parser.ok() || size > kLargestChunk || in_chunk_) return damaged();  // no chunk lies in a chunk
+    if (!parser.ok() || size > kLargestChunk || size > kLargestRatio * stored.size()) return damaged();
+    if (in_chunk_) return damaged();  // no chunk lies in a chunk
     Bytes plain;
     std::span<const std::byte> content = stored;
     if (compression == "zstd") {
@@ -163,7 +166,7 @@ class Scan {
 }  // namespace
 
 std::expected<McapReader, std::string> McapReader::open(const std::string& path) {
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (fd < 0) return std::unexpected(fmt::format("cannot open {}: {}", path, std::strerror(errno)));
   struct stat status {};
   const bool is_file = ::fstat(fd, &status) == 0 && S_ISREG(status.st_mode);

@@ -6,8 +6,12 @@ the Parquet file's twin and what the writer of policy inputs says it wrote are t
 MAKE_SAMPLE_ARTIFACT MAKE_POLICY_INPUTS. Exit code 77: pandas or zstandard is missing.
 """
 import json
+import os
 import pathlib
+import random
 import re
+import shutil
+import struct
 import subprocess
 import sys
 import tempfile
@@ -178,6 +182,61 @@ class OpenRun(unittest.TestCase):
         self.assertGreater(len(run.ticks), 1000)
         pandas.testing.assert_frame_equal(run.ticks, self.run_.ticks.iloc[:len(run.ticks)])
         self.assertEqual(len(run.transitions), len(self.run_.transitions) - 1)
+
+    def copy_of_run(self, name):
+        copy = self.folder / name
+        shutil.copytree(self.folder / "run", copy)
+        return copy
+
+    def test_a_damaged_chunk_is_left_out_and_counted(self):
+        """A byte is changed somewhere, and a chunk added that claims more than its bytes can hold: what is given is what was recorded."""
+        data = (self.folder / "run/ticks.mcap").read_bytes()
+        ends = [place for place, opcode in self.records(data) if opcode == 6]
+        bomb = zstandard.compress(bytes(64 << 20))
+        body = struct.pack("<QQQI", 0, 0, 64 << 20, 0) + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(bomb)) + bomb
+        data = data[:ends[1]] + b"\x06" + struct.pack("<Q", len(body)) + body + data[ends[1]:]
+        bombed = self.copy_of_run("bombed")
+        (bombed / "ticks.mcap").write_bytes(data)
+        run = takt.open(bombed)
+        self.assertEqual(run.damaged_chunks, 1)
+        pandas.testing.assert_frame_equal(run.ticks, self.run_.ticks)
+        chosen, altered = random.Random(7), self.copy_of_run("altered")
+        known = set(map(bytes, self.run_.tick_array))
+        for _ in range(40):
+            flipped = bytearray(data)
+            flipped[chosen.randrange(9, len(flipped))] ^= 1 << chosen.randrange(8)
+            (altered / "ticks.mcap").write_bytes(flipped)
+            try:
+                run = takt.open(altered)
+                ticks = run.tick_array
+            except takt.Refused:
+                continue
+            self.assertLessEqual(set(map(bytes, ticks)), known)
+
+    @staticmethod
+    def records(data):
+        place = 8
+        while place + 9 <= len(data):
+            yield place, data[place]
+            place += 9 + int.from_bytes(data[place + 1:place + 9], "little")
+
+    def test_no_pipe_device_or_endless_nesting_holds_a_reader(self):
+        for name in ("manifest.json", "ticks.mcap", "transitions.jsonl"):
+            folder = self.copy_of_run(f"piped-{name}")
+            (folder / name).unlink()
+            os.mkfifo(folder / name)
+            with self.assertRaisesRegex(takt.Refused, "not a regular file|neither a run folder"):
+                run = takt.open(folder)
+                self.assertIsNotNone(run.ticks if name != "transitions.jsonl" else run.transitions)
+        folder = self.copy_of_run("linked")
+        (folder / "manifest.json").unlink()
+        (folder / "manifest.json").symlink_to("/dev/zero")
+        with self.assertRaisesRegex(takt.Refused, "not a regular file"):
+            takt.open(folder)
+        folder = self.copy_of_run("nested")
+        (folder / "manifest.json").write_text("[" * 200_000)
+        with self.assertRaisesRegex(takt.Refused, "nested too deeply"):
+            takt.open(folder)
 
     def test_what_is_something_else_is_said_in_one_sentence(self):
         other = self.folder / "other"

@@ -608,6 +608,18 @@ TEST(Hash, PolicyFileIsHashedWholeAndItsAbsenceIsASentence) {
   EXPECT_NE(policy_hash(file.string()).error().find("No such file"), std::string::npos);
 }
 
+// Goal: nothing is read for hours to be refused then. Method: a file of 1 TiB that takes no room on the disk.
+// Threat: policy-file-size
+TEST(Hash, APolicyThatNoRobotPcCanLoadIsNotReadToItsEnd) {
+  const auto file = std::filesystem::path(testing::TempDir()) / "sparse.onnx";
+  std::ofstream{file};
+  std::error_code refused;
+  std::filesystem::resize_file(file, std::uintmax_t{1} << 40U, refused);
+  if (refused) GTEST_SKIP() << "no sparse file of 1 TiB here: " << refused.message() << ": NOT TESTED";
+  EXPECT_NE(policy_hash(file.string()).error().find("larger than 16 GiB"), std::string::npos);
+  std::filesystem::remove(file);
+}
+
 TEST(Hash, WeightsBesideThePolicyAreItsPart) {
   const auto file = std::filesystem::path(testing::TempDir()) / "beside.onnx";
   const std::string data = file.string() + ".data";

@@ -1,20 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """The messages of a run's ticks.mcap: chunks of MCAP, bodies in CDR, laid out as the file's own ros2msg schemas say."""
+import functools
 import pathlib
 import re
+import zlib
 from dataclasses import dataclass
-from typing import Any, Dict, Iterator, List, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Tuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from takt import _files
 from takt._refused import Refused
 
 _TYPES = {"uint8": "u1", "uint16": "<u2", "uint32": "<u4", "uint64": "<u8", "int64": "<i8", "float32": "<f4"}
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 3, 4, 5, 6
 _MAGIC = b"\x89MCAP0\r\n"
 _BODY = 22  # of a message record, behind channel, sequence and two times
+_LARGEST_CHUNK, _LARGEST_RATIO = 256 << 20, 1000  # bytes, and bytes to a byte of the file: as McapReader has them
 _ENCAPSULATION = 4  # bytes before CDR's own alignment begins
+
+
+_Made = TypeVar("_Made")
 
 
 @dataclass(frozen=True)
@@ -50,15 +57,19 @@ def _texts(data: memoryview, at: int, count: int) -> List[bytes]:
     return found
 
 
-def _unpacked(data: memoryview) -> Iterator[Tuple[int, memoryview]]:
-    """All records, those in chunks included."""
-    for opcode, content in _records(data):
-        if opcode != _CHUNK:
-            yield opcode, content
-            continue
-        (compression,) = _texts(content, 28, 1)
-        inner = content[32 + len(compression) + 8:]
-        yield from _records(memoryview(_decompressed(inner, _number(content, 16, 8)) if compression == b"zstd" else inner))
+def _in_chunk(chunk: memoryview) -> memoryview:
+    """Its records; raises ValueError where they are not what was written."""
+    size, checksum = _number(chunk, 16, 8), _number(chunk, 24, 4)
+    (compression,) = _texts(chunk, 28, 1)
+    stored = chunk[32 + len(compression) + 8:]
+    if len(stored) != _number(chunk, 32 + len(compression), 8) or size > min(_LARGEST_CHUNK, _LARGEST_RATIO * len(stored)):
+        raise ValueError("more than its bytes can hold")
+    if compression not in (b"", b"zstd"):
+        raise ValueError("of an unknown compression")
+    content = memoryview(_decompressed(stored, size)) if compression else stored
+    if len(content) != size or checksum not in (0, zlib.crc32(content)):
+        raise ValueError("not what was written")
+    return content
 
 
 def _decompressed(data: memoryview, size: int) -> bytes:
@@ -66,7 +77,10 @@ def _decompressed(data: memoryview, size: int) -> bytes:
         import zstandard
     except ImportError:
         raise Refused("takt.open needs the Python module zstandard: sudo apt install python3-zstandard") from None
-    return zstandard.decompress(data, size)
+    try:
+        return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+    except zstandard.ZstdError as error:
+        raise ValueError(str(error)) from None
 
 
 def fields_of(schema: str) -> List[Field]:
@@ -99,6 +113,18 @@ def _places(fields: List[Field], body: memoryview) -> Iterator[Tuple[Field, int,
         at += size * count
 
 
+def _whole(made: Callable[..., _Made]) -> Callable[..., _Made]:
+    """Of what no schema of Takt's describes, one sentence is said."""
+    @functools.wraps(made)
+    def judged(*arguments: Any) -> _Made:
+        try:
+            return made(*arguments)
+        except (ValueError, KeyError, IndexError, TypeError, OverflowError, MemoryError) as error:
+            raise Refused(f"takt.open: messages do not fit their schema ({error}); the file is damaged") from None
+    return judged
+
+
+@_whole
 def table(fields: List[Field], bodies: List[memoryview]) -> NDArray[Any]:
     """Messages of one size as one structured array; its sequences are as long as in the first."""
     places = [(field, at, count) for field, at, count in _places(fields, bodies[0])] if bodies else [(field, 0, max(field.count, 1)) for field in fields]
@@ -112,6 +138,7 @@ def table(fields: List[Field], bodies: List[memoryview]) -> NDArray[Any]:
     return np.frombuffer(b"".join(bodies), kind)
 
 
+@_whole
 def rows(fields: List[Field], bodies: List[memoryview]) -> List[Dict[str, Any]]:
     """Messages of any size: numbers, texts, and arrays where the schema has some."""
     found = []
@@ -128,23 +155,31 @@ def rows(fields: List[Field], bodies: List[memoryview]) -> List[Dict[str, Any]]:
 
 
 class Recording:
-    """Schemas and messages of the file, by topic."""
+    """Schemas and messages of the file, by topic. `damaged`: parts of it that were left out."""
 
     def __init__(self, path: pathlib.Path) -> None:
-        data = memoryview(path.read_bytes())
+        data = _files.mapped(path)
         if bytes(data[:8]) != _MAGIC:
             raise Refused(f"{path} is no MCAP file")
-        schemas: Dict[int, str] = {}
-        topics: Dict[int, str] = {}
+        self._schemas: Dict[int, str] = {}
+        self._topics: Dict[int, str] = {}
         self.fields: Dict[str, List[Field]] = {}
         self.bodies: Dict[str, List[memoryview]] = {}
-        for opcode, content in _unpacked(data[8:]):
-            if opcode == _SCHEMA:
-                schemas[_number(content, 0, 2)] = _texts(content, 2, 3)[2].decode()
-            elif opcode == _CHANNEL:
-                topic = _texts(content, 4, 1)[0].decode()
-                topics[_number(content, 0, 2)] = topic
-                self.fields.setdefault(topic, fields_of(schemas[_number(content, 2, 2)]))
-                self.bodies.setdefault(topic, [])
-            elif opcode == _MESSAGE:
-                self.bodies[topics[_number(content, 0, 2)]].append(content[_BODY:])
+        self.damaged = 0
+        for opcode, content in _records(data[8:]):
+            try:
+                for inner in _records(_in_chunk(content)) if opcode == _CHUNK else ((opcode, content),):
+                    self._take(*inner)
+            except (ValueError, KeyError):  # a text that is none, a channel without a schema
+                self.damaged += 1
+
+    def _take(self, opcode: int, content: memoryview) -> None:
+        if opcode == _SCHEMA:
+            self._schemas[_number(content, 0, 2)] = _texts(content, 2, 3)[2].decode()
+        elif opcode == _CHANNEL:
+            topic = _texts(content, 4, 1)[0].decode()
+            self._topics[_number(content, 0, 2)] = topic
+            self.fields.setdefault(topic, fields_of(self._schemas[_number(content, 2, 2)]))
+            self.bodies.setdefault(topic, [])
+        elif opcode == _MESSAGE and (found := self._topics.get(_number(content, 0, 2))) is not None:
+            self.bodies[found].append(content[_BODY:])

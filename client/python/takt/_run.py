@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Tuple, Union
 import numpy as np
 from numpy.typing import NDArray
 
-from takt import _mcap, _samples
+from takt import _files, _mcap, _samples
 from takt._refused import Refused
 
 if TYPE_CHECKING:
@@ -30,20 +30,13 @@ def _pandas() -> Any:
     return pandas
 
 
-def _json(path: pathlib.Path) -> Any:
-    try:
-        return json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise Refused(f"{path} cannot be read: {error}") from None
-
-
 def _lines(path: pathlib.Path) -> List[Any]:
     """A line that a power failure cut off is left out."""
     lines = []
-    for line in path.read_text().splitlines():
+    for line in _files.text_of(path).splitlines():
         try:
             lines.append(json.loads(line))
-        except ValueError:
+        except (ValueError, RecursionError):
             break
     return lines
 
@@ -56,7 +49,7 @@ class Run:
 
     def __init__(self, folder: pathlib.Path) -> None:
         self.folder = folder
-        self.manifest: Mapping[str, Any] = _json(folder / "manifest.json")
+        self.manifest: Mapping[str, Any] = _files.json_of(folder / "manifest.json")
         self.joints: Tuple[str, ...] = tuple(self.manifest["joints"])
         self.buses: Tuple[str, ...] = tuple(self.manifest["buses"])
 
@@ -66,13 +59,18 @@ class Run:
     @property
     def metrics(self) -> Mapping[str, Any]:
         """The numbers of the report: metrics.json."""
-        metrics: Mapping[str, Any] = _json(self.folder / "metrics.json")
+        metrics: Mapping[str, Any] = _files.json_of(self.folder / "metrics.json")
         return metrics
 
     @functools.cached_property
     def tick_array(self) -> NDArray[Any]:
         """Every recorded tick, as a structured array with the fields of takt_msgs/msg/Tick; a field of each joint has the shape (ticks, joints)."""
         return _mcap.table(self._recording.fields["/takt/tick"], self._recording.bodies["/takt/tick"])
+
+    @property
+    def damaged_chunks(self) -> int:
+        """Parts of ticks.mcap that are not what was recorded, or claim more than their bytes can hold: they are left out of every table."""
+        return self._recording.damaged
 
     @functools.cached_property
     def enumerations(self) -> Mapping[str, Mapping[int, str]]:
@@ -179,7 +177,7 @@ class Run:
         path, shape = self._image_path(found), (found["height"], found["width"], found["channels"])
         if not path.is_file():
             raise Refused(f"{path} is missing: " + ("it was lost since the run" if found["file"] == "stored" else f"it went without a file, {found['file']}"))
-        content = path.read_bytes()
+        content = bytes(_files.mapped(path))
         if hashlib.sha256(content).hexdigest() != sha256:
             raise Refused(f"{path} is not what was recorded: its SHA-256 is another")
         return np.frombuffer(content, np.uint8)[-int(np.prod(shape)):].reshape(shape)
@@ -230,7 +228,7 @@ class Artifact:
 
     def __init__(self, folder: pathlib.Path) -> None:
         self.folder = folder
-        self.manifest: Mapping[str, Any] = _json(folder / "manifest.json")
+        self.manifest: Mapping[str, Any] = _files.json_of(folder / "manifest.json")
 
     def __repr__(self) -> str:
         return f"takt.Artifact({str(self.folder)!r})"

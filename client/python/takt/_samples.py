@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 import numpy as np
 from numpy.typing import NDArray
 
-from takt._refused import Refused
+from takt import _files
 
 if TYPE_CHECKING:
     import pandas
@@ -23,10 +23,7 @@ COLUMNS = ("s", "sensor", "sequence", "sensed_at", "published_at", "values", "un
 
 def declared(config: pathlib.Path) -> Tuple[List[str], List[str], Optional[int]]:
     """Of a run's config.yaml, which is canonical: names and units of `sensors`, and which of them is the base's IMU."""
-    try:
-        lines = config.read_text().splitlines()
-    except OSError as error:
-        raise Refused(f"{config} cannot be read: {error}") from None
+    lines = _files.text_of(config).splitlines()
     names: List[str] = []
     units: List[str] = []
     section, imu = "", ""

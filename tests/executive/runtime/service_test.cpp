@@ -132,5 +132,18 @@ TEST_F(ServiceTest, ASignalIsAnnouncedAndReachesTheTick) {
   EXPECT_TRUE(read);
 }
 
+// Threat: runtime-directory
+TEST_F(ServiceTest, ASocketThatIsTakenAwayIsSaidWithWhatStillStopsTheRobot) {
+  ASSERT_TRUE(hear_this("READY=1"));
+  std::string log;
+  std::filesystem::remove(directory_ + "/executive.sock");
+  for (int i = 0; i < 100 && log.find("SIGTERM to process") == std::string::npos; ++i) {
+    ::testing::internal::CaptureStdout();
+    hear(100);
+    log += ::testing::internal::GetCapturedStdout();
+  }
+  EXPECT_NE(log.find("`takt stop` cannot reach this robot"), std::string::npos) << log;
+}
+
 }  // namespace
 }  // namespace takt::runtime::test

@@ -2,6 +2,8 @@
 // Goal: what was written is read back, whatever happened to the file in between. Method: a small recording, cut off at
 // every length, damaged at every byte, and stopped by a size limit.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <zstd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -119,6 +121,35 @@ TEST_F(McapTest, ASizeLimitKeepsWholeChunks) {
   EXPECT_FALSE(finished_);
   EXPECT_EQ(std::filesystem::file_size(file_), ends_.back());
   EXPECT_EQ(read(file_), 2 * kPerChunk);
+}
+
+// Goal: a file costs what its bytes can pay for. Method: chunks of zeros, which zstd makes 10,000 times smaller, among
+// sound ones.
+// Threat: run-bomb
+TEST_F(McapTest, AChunkThatClaimsMoreThanItsBytesCanPayIsLeftOut) {
+  record();
+  Bytes bomb;
+  const std::vector<char> zeros(8U << 20U);
+  std::vector<char> packed(ZSTD_compressBound(zeros.size()));
+  packed.resize(ZSTD_compress(packed.data(), packed.size(), zeros.data(), zeros.size(), 3));
+  ASSERT_LT(packed.size() * 1000, zeros.size());
+  mcap::Builder chunk(bomb);
+  chunk.begin(mcap::Opcode::chunk).put(std::uint64_t{0}).put(std::uint64_t{0}).put(std::uint64_t{zeros.size()});
+  chunk.put(std::uint32_t{0}).text("zstd").put(std::uint64_t{packed.size()}).raw(packed.data(), packed.size()).end();
+  std::ifstream in(file_, std::ios::binary);
+  std::string content(std::istreambuf_iterator<char>(in), {});
+  constexpr std::size_t kBombs = 20;
+  for (std::size_t i = 0; i < kBombs; ++i)
+    content.insert(static_cast<std::size_t>(ends_[1]), reinterpret_cast<const char*>(bomb.data()), bomb.size());
+  std::ofstream(path("bombs"), std::ios::binary) << content;
+  McapReport report;
+  EXPECT_EQ(read(path("bombs"), &report), kMessages);
+  EXPECT_EQ(report.damaged_chunks, kBombs);
+}
+
+TEST_F(McapTest, NoPipeKeepsAReaderWaiting) {
+  ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
+  EXPECT_NE(McapReader::open(path("pipe")).error().find("is not a file"), std::string::npos);
 }
 
 TEST_F(McapTest, AnythingElseIsRefusedInOneSentence) {
