@@ -267,7 +267,7 @@ Supervisor::Outcome Supervisor::arm() {
   std::string missing = " no answer from the executive";
   for (const Duration give_up = now() + kArmedWithin; now() < give_up;) {
     const auto reply = processes_.ask(OperatorVerb::arm);
-    if (reply && reply->done != 0) return {};
+    if (reply && (reply->done != 0 || !is_stopped(reply->status.tick.mode))) return {};  // another operator was quicker
     if (reply) {
       missing.clear();
       for (const std::string& sentence : sentences_of(*reply)) missing += "\n  " + sentence;
