@@ -16,7 +16,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::uint64_t bytes = 0;
   for (std::span<const std::uint8_t> left(data, size); !left.empty();) {
     const std::size_t piece = std::min<std::size_t>(left.size(), 1 + left[0] % 64);
-    for (const MtMessage& message : stream.take(left.first(piece), {})) {
+    for (const MtMessage& message : stream.take(left.first(piece), Heard(takt::MonoTime{1}))) {
       bytes += message.data.size();
       if (message.id == kMtData2) takt::fuzz::judge(parse_mtdata2(message.data));
     }

@@ -31,7 +31,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::vector<std::byte> payload(kShape.payload_capacity, std::byte{7});
   for (int i = 0; i < 6; ++i) writer.publish(payload);
   // Pairs of a place and what stands there then.
-  for (; size >= 3; data += 3, size -= 3) memory[(data[0] | data[1] << 8U) % bytes] = std::byte{data[2]};
+  for (; size >= 3; data += 3, size -= 3) memory[(data[0] + 256U * data[1]) % bytes] = std::byte{data[2]};
   auto reader = SlotReader::attach(memory, kShape);
   if (!reader) {
     if (reader.error().empty()) std::abort();
