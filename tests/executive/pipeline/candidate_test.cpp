@@ -538,23 +538,27 @@ TEST(Candidate, ChangingPlacesNeverMakesTheReferenceJump) {
 // Goal: what the candidate lacks is no reason to leave tracking: who is in charge is decided before the mode. Method: a
 // candidate on probation that answers ever later until its last command is spent, with a contract that lets the robot
 // go at the first such tick; the robot's own policy is fresh beside it.
-TEST(Candidate, IsSentBackBeforeTheRobotLeavesTracking) {
-  TickConfig config = robot_on_probation();
-  config.freshness.window_ticks = 10;
-  config.freshness.epsilon = 0.01;
-  TwoHosts two(config);
+// Until the candidate is sent back, which is before the robot leaves tracking.
+void fall_silent_on_probation(TwoHosts& two) {
   two.start_candidate();
   two.arm();
   two.run(200);
   two.swap();
   two.run(100);
   two.hosts[kCandidate].speaks = false;
-  int ticks = 0;
-  for (; two.candidate_in_charge() && ticks < 400; ++ticks) {
+  for (int ticks = 0; two.candidate_in_charge() && ticks < 400; ++ticks) {
     two.tick();
     ASSERT_EQ(two.rig.mode(), Mode::tracking) << ticks;
   }
-  EXPECT_FALSE(two.candidate_in_charge());
+  ASSERT_FALSE(two.candidate_in_charge());
+}
+
+TEST(Candidate, IsSentBackBeforeTheRobotLeavesTracking) {
+  TickConfig config = robot_on_probation();
+  config.freshness.window_ticks = 10;
+  config.freshness.epsilon = 0.01;
+  TwoHosts two(config);
+  ASSERT_NO_FATAL_FAILURE(fall_silent_on_probation(two));
   EXPECT_EQ(two.header().command_policy, kOwnHash);
   EXPECT_EQ(two.header().player, Player::policy);
   two.run(100);
@@ -569,18 +573,7 @@ TEST(Candidate, WhatItAloneLacksDegradesNothing) {
   config.freshness.epsilon = 0.5;
   config.freshness.degrade_after = milliseconds(20);
   TwoHosts two(config);
-  two.start_candidate();
-  two.arm();
-  two.run(200);
-  two.swap();
-  two.run(100);
-  two.hosts[kCandidate].speaks = false;
-  int ticks = 0;
-  for (; two.candidate_in_charge() && ticks < 400; ++ticks) {
-    two.tick();
-    ASSERT_EQ(two.rig.mode(), Mode::tracking) << ticks;
-  }
-  EXPECT_FALSE(two.candidate_in_charge());
+  ASSERT_NO_FATAL_FAILURE(fall_silent_on_probation(two));
   EXPECT_EQ(two.header().candidate.change, PolicyChange::back_for_stop);
   two.run(100);
   EXPECT_EQ(two.rig.mode(), Mode::tracking);
