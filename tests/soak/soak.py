@@ -233,18 +233,21 @@ class Life:
             said, _ = self.run.communicate()
         if self.run.returncode < 0 and not any(fault.endswith(" to takt") for fault in self.faults) or self.run.returncode == 70:
             self.complain(f"`takt run` ended with {self.run.returncode}: {said.strip()[-400:]}")
-        # Who gets no memory ends, and what it did for the robot is missed as if it had been killed.
-        starved = any(fault.startswith("little memory") for fault in self.faults) and "std::bad_alloc" in said
-        if crash := re.search(r".*(Sanitizer|stack smashing|buffer overflow|SIGSEGV|SIGBUS|SIGFPE|SIGILL).*", said) or \
-                (not starved and re.search(r".*(terminate called|SIGABRT).*", said)):
-            if not any("SIGSEGV" in fault for fault in self.faults):
-                self.complain(f"`takt run` said: {crash[0]}")
-        self.said = said
+        self.look_for_crashes(said)
         self.look_for_what_is_left(began)
         self.read_folders()
         self.disk.close()
         if not self.wrong:
             shutil.rmtree(self.place, ignore_errors=True)
+
+    def look_for_crashes(self, said):
+        (self.place / "said").write_text(said)
+        for line in said.splitlines():
+            # Who gets no memory ends, and what it did for the robot is missed as if it had been killed.
+            starved = any(fault.startswith("little memory") for fault in self.faults) and re.search("SIGABRT|terminate called|bad_alloc", line)
+            ours = "SIGSEGV" in line and any("SIGSEGV" in fault for fault in self.faults)
+            if re.search(r"Sanitizer|stack smashing|buffer overflow|terminate called|SIG(ABRT|SEGV|BUS|FPE|ILL)", line) and not starved and not ours:
+                self.complain(f"`takt run` said: {line} ({self.place / 'said'})")
 
     def look_for_what_is_left(self, began):
         while (left := self.processes()) and time.monotonic() - began < LONGEST_END:
