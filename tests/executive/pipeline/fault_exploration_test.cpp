@@ -306,6 +306,18 @@ class Judge {
     return nullptr;
   }
 
+  // Stiffness grows at a joint that is too fast to come to rest inside its limits, or is outside them: the reference
+  // goes on as fast as one could that comes to rest there, between the joint's own speed and none.
+  bool grows_stiff_before_a_limit(std::size_t j) {
+    const JointLimits& limits = config_.joints[j].limits;
+    const JointRecord& joint = record().joints[j];
+    const float speed = joint.dq_estimate, step = limits.acceleration * 0.001F;
+    const float room = speed < 0 ? joint.q_estimate - limits.q_min : limits.q_max - joint.q_estimate;
+    return joint.kp_command > last_.joints[j].kp_command &&
+           speed * speed > 2 * limits.acceleration * std::max(room, 0.0F) &&
+           joint.dq_reference >= std::min(speed, 0.0F) - step && joint.dq_reference <= std::max(speed, 0.0F) + step;
+  }
+
   const char* reference() {
     if (!is_armed(header().mode) || !is_armed(last_mode_)) return nullptr;
     for (std::size_t j = 0; j < config_.joint_count; ++j) {
@@ -319,7 +331,8 @@ class Judge {
       // A held target has no velocity, and no path leads to it; without stiffness a reference pulls nothing.
       const bool is_held = plays_held_targets(config_, config_.joints[j]) && record().joints[j].dq_reference == 0.0F;
       const bool pulls = record().joints[j].kp_command > 0.0F && !is_held;
-      if (pulls && std::abs(change) > step && !nears) return "a reference accelerates too hard";
+      if (pulls && std::abs(change) > step && !nears && !grows_stiff_before_a_limit(j))
+        return "a reference accelerates too hard";
       if (std::abs(record().joints[j].dq_reference) > limits.velocity) return "a reference is too fast";
     }
     return nullptr;
