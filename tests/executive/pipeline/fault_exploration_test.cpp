@@ -115,7 +115,8 @@ class Schedule {
     BusHealth& bus = rig_.input.buses[0];
     bus.flooded = trouble_ == Trouble::babble ? 1 : 0;
     if (bus.state == BusState::error_passive) bus.state = BusState::up;
-    troubled_for_ = trouble_ == Trouble::none || rig_.drives[0].silent ? 0 : troubled_for_ + 1;
+    const bool is_hidden = trouble_ == Trouble::passive && bus.state != BusState::up;  // by one that is off or down
+    troubled_for_ = trouble_ == Trouble::none || rig_.drives[0].silent || is_hidden ? 0 : troubled_for_ + 1;
     if (troubled_for_ == 0) return;
     std::uint8_t& replies = rig_.input.joints[0].replies;  // the rig adds one
     const auto add = [&replies](int count) { replies = static_cast<std::uint8_t>(replies + count); };
