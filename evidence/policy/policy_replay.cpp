@@ -439,7 +439,7 @@ bool PolicyReplayReport::agrees() const {
 }
 
 bool PolicyReplayReport::is_whole() const {
-  return missing_ticks == 0 && fallback_unanswered == 0 &&
+  return missing_ticks == 0 && unrecorded_ticks == 0 && fallback_unanswered == 0 &&
          std::ranges::all_of(policies, [](const PolicyReplay& policy) {
            return policy.not_judged == 0 && policy.missing == 0 && policy.lost == 0 && policy.unanswered == 0;
          });
@@ -492,6 +492,7 @@ std::expected<PolicyReplayReport, PolicyReplayRefusal> replay_policy(const Recor
   if (!reason.empty()) return refused(Why::policy, reason);
   report.tolerance = options.tolerance;
   report.missing_ticks = missing_ticks(run.manifest, ticks);
+  report.unrecorded_ticks = run.manifest.unrecorded_ticks;
   report.file = scan->file;
   for (const auto& replayer : replayers) report.policies.push_back(replayer->finish());
   return report;

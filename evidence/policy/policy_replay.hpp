@@ -70,6 +70,7 @@ struct PolicyReplay {
 struct PolicyReplayReport {
   std::vector<PolicyReplay> policies;  // the policy, and the fallback policy where it answered
   double tolerance = 0;
+  std::uint64_t unrecorded_ticks = 0;  // as ReplayReport's
   std::uint64_t missing_ticks = 0;  // recorded, says the manifest, and not in the file: answers are missing with them
   std::uint64_t fallback_unanswered = 0;  // commands of a fallback policy of which no answer at all is recorded
   McapReport file;

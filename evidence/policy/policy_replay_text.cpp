@@ -95,6 +95,8 @@ std::string policy_replay_text(const PolicyReplayReport& report) {
   if (report.missing_ticks != 0)
     text += fmt::format("{} ticks are missing: the manifest says that more were recorded than ticks.mcap holds\n",
                         report.missing_ticks);
+  if (report.unrecorded_ticks != 0)
+    text += fmt::format("{} ticks are not in this folder: recording stopped\n", report.unrecorded_ticks);
   if (report.file.damaged_chunks != 0)
     text += fmt::format("{} chunks of ticks.mcap are damaged and were skipped\n", report.file.damaged_chunks);
   if (!report.file.finished)
@@ -109,6 +111,7 @@ nlohmann::ordered_json to_json(const PolicyReplayReport& report) {
                               {"is_whole", report.is_whole()},
                               {"tolerance", report.tolerance},
                               {"missing_ticks", report.missing_ticks},
+                              {"unrecorded_ticks", report.unrecorded_ticks},
                               {"fallback_unanswered", report.fallback_unanswered},
                               {"file_finished", report.file.finished},
                               {"damaged_chunks", report.file.damaged_chunks},

@@ -52,6 +52,7 @@ class Replayer {
   void tick(const RecordedTick& recorded) {
     ++read_;
     const std::uint64_t number = recorded.record.header.tick;
+    report_.last_tick = number;
     if (number <= start_behind_) return;
     if (number >= from_) ++report_.ticks;
     RecordedTick tick = recorded;
@@ -91,6 +92,8 @@ class Replayer {
 
   [[nodiscard]] ReplayReport take_report() {
     report_.missing = missing_ticks(run_.manifest, read_);
+    report_.unrecorded = run_.manifest.unrecorded_ticks;
+    report_.stopped_because = run_.manifest.stopped_because;
     return std::move(report_);
   }
 

@@ -5,7 +5,8 @@
 // keyframe behind a gap or a mismatch; ticks between are counted as not judged. Every keyframe met on the way must
 // equal the recomputed state. Each record also carries a checksum made when it was recorded, so that an altered record
 // is found even where the decision does not depend on the altered field; one flipped bit is located and named.
-// What the manifest says was recorded and the file no longer holds, at its end or between, is counted as missing.
+// What the manifest says was recorded and the file no longer holds, at its end or between, is counted as missing; what
+// the recorder saw after it had to stop, as unrecorded.
 // Of a refused message of which only the header was kept, what was found in its values is taken from the record.
 #pragma once
 
@@ -35,15 +36,18 @@ struct ReplayReport {
   std::uint64_t not_judged = 0;  // behind a gap or a mismatch, before the next keyframe
   std::uint64_t by_header = 0;   // read a refused message of which only the header was kept
   std::uint64_t missing = 0;     // recorded, says the manifest, and not in the file, wherever replay started
+  std::uint64_t unrecorded = 0;  // after recording stopped, says the manifest
+  std::string stopped_because;   // why it did; empty: it did not
   std::uint64_t gaps = 0;        // breaks in the recorded ticks or their commands
   std::uint64_t keyframes = 0;   // compared with the recomputed state, equal
   std::uint64_t started_at = 0;  // first tick judged; 0 none
+  std::uint64_t last_tick = 0;   // that the file holds; 0 none
   std::string made_by;  // version of the executive, where it was built of other sources; empty: not so, or unknown
   std::optional<Mismatch> first;
   McapReport file;
   [[nodiscard]] bool reproduces() const { return mismatches == 0 && identical > 0 && file.damaged_chunks == 0; }
-  // Nothing was left unjudged.
-  [[nodiscard]] bool is_whole() const { return not_judged == 0 && missing == 0; }
+  // No tick of the run was left unjudged.
+  [[nodiscard]] bool is_whole() const { return not_judged == 0 && missing == 0 && unrecorded == 0 && file.finished; }
 };
 
 // `from`: first tick of interest; replay starts at the last keyframe before it. The error is one sentence.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include "config/printable.hpp"
 #include "evidence/review/replay.hpp"
 #include "executive/contract/version.hpp"
 
@@ -30,6 +31,9 @@ std::string replay_text(const ReplayReport& report) {
   if (report.missing != 0)
     text += fmt::format("{} ticks are missing: the manifest says that more were recorded than ticks.mcap holds\n",
                         report.missing);
+  if (report.unrecorded != 0)
+    text += fmt::format("{} ticks are not in this folder: recording stopped: {}\n", report.unrecorded,
+                        config::printable(report.stopped_because));
   if (report.by_header != 0) {
     text += fmt::format("{} refused messages were kept by their header: what was found in their values is not judged\n",
                         report.by_header);
@@ -38,8 +42,11 @@ std::string replay_text(const ReplayReport& report) {
     text += fmt::format("{} chunks of ticks.mcap are damaged and were skipped\n", report.file.damaged_chunks);
   }
   if (!report.file.finished) {
-    text +=
-        fmt::format("ticks.mcap was not closed: {} bytes at its end are no whole record\n", report.file.unread_bytes);
+    text += fmt::format(
+        "ticks.mcap was not closed: {} bytes at its end are no whole record, and what came after tick {} is not in "
+        "this "
+        "folder\n",
+        report.file.unread_bytes, report.last_tick);
   }
   if (report.mismatches != 0) text += fmt::format("{} do not reproduce; the first:\n", report.mismatches);
   if (report.first) text += "  " + mismatch_text(*report.first) + "\n";
@@ -56,6 +63,7 @@ nlohmann::ordered_json to_json(const ReplayReport& report) {
                               {"mismatches", report.mismatches},
                               {"not_judged", report.not_judged},
                               {"missing", report.missing},
+                              {"unrecorded", report.unrecorded},
                               {"by_header", report.by_header},
                               {"gaps", report.gaps},
                               {"keyframes_equal", report.keyframes},

@@ -80,7 +80,7 @@ class Life:
         self.disk = Disk(self.place / "disk")
         self.sockets, self.folder = self.place / "sockets", self.disk.place / "run"
         self.robot = Operated(soak.programs, self.sockets)
-        self.wrong, self.faults, self.last_tick, self.recording = [], [], 0, True
+        self.wrong, self.faults, self.last_tick = [], [], 0
         self.run = self.robot.start(soak.robot_file, self.folder, *([] if in_peace else [f"--plant=--scenario={self.bus_faults()}"]),
                                     start_new_session=True, env=os.environ | {"TAKT_SOAK": str(self.place)})
 
@@ -111,7 +111,7 @@ class Life:
 
     def status(self):
         status = self.robot.status()
-        self.last_tick = max(self.last_tick, status.get("tick", 0))
+        self.last_tick = max(self.last_tick, status.get("ticks", 0))
         return status
 
     # Faults: each says what it did, and whether the life may go on.
@@ -177,14 +177,12 @@ class Life:
         self.disk.fill()
         time.sleep(self.random.uniform(0.5, 3))
         self.disk.free()
-        self.recording = False
         return "a full disk, then room again", False
 
     def renamed(self):
         with contextlib.suppress(OSError):
             self.folder.rename(self.folder.with_name("moved"))
             self.folder = self.folder.with_name("moved")
-        self.recording = False
         return "the run folder renamed", False
 
     def live(self, most):
@@ -211,7 +209,7 @@ class Life:
                 goes_on = goes_on and self.run.poll() is None and self.robot.wait_until(self.tracks_or_ends, 20) and self.run.poll() is None
 
     def tracks_or_ends(self, status):
-        self.last_tick = max(self.last_tick, status.get("tick", 0))
+        self.last_tick = max(self.last_tick, status.get("ticks", 0))
         if self.run.poll() is not None:
             return True
         verb = {"damped_stop": "reset", "fault_latched": "reset", "standby": "arm"}.get(status.get("mode"))
@@ -274,8 +272,10 @@ class Life:
             report = self.robot.takt("report", folder)
             if report.returncode not in (0, 1, 2) or not report.stdout.strip():
                 self.complain(f"takt report {folder.name}: {report.returncode}, {report.stdout.strip()[-400:]}")
-            if re.search(r"guard refused|refused by the guard", report.stdout):
-                self.complain(f"the guard refused a frame: {report.stdout.strip()[-600:]}")
+            # The cause of a frame that the guard refused.
+            with contextlib.suppress(OSError):
+                if '"internal_error"' in (folder / "transitions.jsonl").read_text():
+                    self.complain(f"{folder.name}: the guard refused a frame, or a result was not finite")
             self.count_ticks(folder, replay.stdout)
 
     def count_ticks(self, folder, said):

@@ -175,6 +175,20 @@ TEST_F(ReplayTest, TicksTakenOutBetweenTwoKeyframesAreMissed) {
   EXPECT_FALSE(report->is_whole());
 }
 
+// A full disk, or a limit, ended the recording before the robot: what is there reproduces, and is not all.
+TEST_F(ReplayTest, TicksThatWereNotRecordedAreSaid) {
+  RecordedRun stopped = run_;
+  stopped.manifest.unrecorded_ticks = 4'225;
+  stopped.manifest.stopped_because = "No space left on device";
+  const auto report = replay(stopped, 1);
+  ASSERT_TRUE(report) << report.error();
+  EXPECT_TRUE(report->reproduces());
+  EXPECT_FALSE(report->is_whole());
+  EXPECT_NE(replay_text(*report).find("4225 ticks are not in this folder: recording stopped: No space left on device"),
+            std::string::npos);
+  EXPECT_EQ(to_json(*report).at("unrecorded"), 4'225);
+}
+
 // The manifest of a recording that was cut off is older than what is in its file.
 TEST_F(ReplayTest, AManifestThatSaysOfFewerTicksMissesNone) {
   RecordedRun cut_off = run_;

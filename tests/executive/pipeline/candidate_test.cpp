@@ -535,9 +535,6 @@ TEST(Candidate, ChangingPlacesNeverMakesTheReferenceJump) {
   }
 }
 
-// Goal: what the candidate lacks is no reason to leave tracking: who is in charge is decided before the mode. Method: a
-// candidate on probation that answers ever later until its last command is spent, with a contract that lets the robot
-// go at the first such tick; the robot's own policy is fresh beside it.
 // Until the candidate is sent back, which is before the robot leaves tracking.
 void fall_silent_on_probation(TwoHosts& two) {
   two.start_candidate();
@@ -553,6 +550,9 @@ void fall_silent_on_probation(TwoHosts& two) {
   ASSERT_FALSE(two.candidate_in_charge());
 }
 
+// Goal: what the candidate lacks is no reason to leave tracking: who is in charge is decided before the mode. Method: a
+// candidate on probation that answers ever later until its last command is spent, with a contract that lets the robot
+// go at the first such tick; the robot's own policy is fresh beside it.
 TEST(Candidate, IsSentBackBeforeTheRobotLeavesTracking) {
   TickConfig config = robot_on_probation();
   config.freshness.window_ticks = 10;
