@@ -41,7 +41,8 @@ void add_replay(CLI::App& app, int& exit_code) {
   command->footer(
       "Example: takt replay runs/20261121T093300Z-arm6-3f9a2c --from 12000\n"
       "Exit codes: 0 every tick reproduces bit for bit; 1 one does not (tick, field and both values are named), or\n"
-      "nothing could be judged; 2 every judged tick does, but some could not be judged or are missing.");
+      "nothing could be judged; 2 every judged tick does, but some could not be judged or are missing, or\n"
+      "the recording was cut off.");
   command->callback([options, &exit_code] { exit_code = replay(*options); });
 }
 

@@ -3,6 +3,7 @@
 """Goal: the rig reads cases strictly, tells verdicts apart, and leaves no machine behind. Method: its own functions, with a
 program that never ends in the place of qemu; the cases that exist must all have a complete header. Needs no guest.
 """
+import json
 import os
 import pathlib
 import subprocess
@@ -87,18 +88,40 @@ class Verdicts(Folder):
                 verdict.write_text(written)
             self.assertEqual(hil.result_of(self.folder, in_time), expected)
 
-    def test_a_case_without_a_recorded_tick_has_not_passed(self) -> None:
+    def takt_that_says_what_the_run_holds(self) -> pathlib.Path:
         takt = self.folder / "takt"
-        takt.write_text("#!/bin/sh\ncat \"$2/says\"\n")
+        takt.write_text("#!/bin/sh\ncat \"$3/says\"\n")
         takt.chmod(0o755)
+        return takt
+
+    def recorded(self, run: str, **findings: object) -> None:
+        folder = self.folder / "out/runs" / run
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "ticks.mcap").touch()
+        found = {"reproduces": True, "ticks": 7, "not_judged": 0, "missing": 0, "unrecorded": 0, "file_finished": True}
+        (folder / "says").write_text(json.dumps(found | findings))
+
+    def test_a_case_without_a_recorded_tick_has_not_passed(self) -> None:
+        takt = self.takt_that_says_what_the_run_holds()
         case, silent = self.case(HEADER), self.case(HEADER.replace("# Limit", "# Runs: none\n# Limit"))
         self.assertIn("no run", hil.replay_failure(case, self.folder, takt))
         self.assertEqual(hil.replay_failure(silent, self.folder, takt), "")
-        for run, says in (("a", "0 of 0 ticks reproduce"), ("b", "7 of 7 ticks reproduce")):
-            (self.folder / "out/runs" / run).mkdir(parents=True)
-            (self.folder / "out/runs" / run / "ticks.mcap").touch()
-            (self.folder / "out/runs" / run / "says").write_text(says)
+        for run, ticks in (("a", 0), ("b", 7)):
+            self.recorded(run, ticks=ticks)
             self.assertEqual(hil.replay_failure(case, self.folder, takt) == "", run == "b")
+
+    def test_a_recording_cut_off_at_the_guests_end_is_judged_by_its_ticks(self) -> None:
+        takt = self.takt_that_says_what_the_run_holds()
+        for lacks, partly_lacks, findings in ((False, False, {"file_finished": False}), (True, False, {"not_judged": 1}),
+                                              (True, True, {"missing": 1}), (True, True, {"unrecorded": 1}),
+                                              (True, True, {"reproduces": False})):
+            self.recorded("a", **findings)
+            for header, expected in ((HEADER, lacks), (HEADER.replace("# Limit", "# Replay: partly\n# Limit"), partly_lacks)):
+                self.assertEqual(hil.replay_failure(self.case(header), self.folder, takt) != "", expected, findings)
+
+    def test_a_replay_that_ends_without_a_word_has_not_passed(self) -> None:
+        self.recorded("a")
+        self.assertIn("exit code 1", hil.replay_failure(self.case(HEADER), self.folder, pathlib.Path("/bin/false")))
 
     def test_tests_the_one_package_that_is_no_takt_dev(self) -> None:
         with self.assertRaises(package.BadPackage):
