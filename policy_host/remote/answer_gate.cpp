@@ -20,15 +20,19 @@ bool AnswerGate::has_shape(const Answer& answer) const {
   return answer.step_period == facts_.step_period && answer.value_count == values && values <= kMaxChunkValues;
 }
 
-bool AnswerGate::is_newer_of_its_server(const Answer& answer) {
-  auto* heard = std::ranges::find(heard_, answer.server, &Heard::server);
-  if (heard == heard_.end()) {
-    heard = &heard_[next_heard_++ % heard_.size()];
-    *heard = {answer.server, 0};
-  }
-  if (answer.sequence <= heard->sequence) return false;
-  heard->sequence = answer.sequence;
-  return true;
+bool AnswerGate::is_taken(const Answer& answer, MonoTime now) const {
+  return std::ranges::any_of(heard_, [&](const Heard& each) {
+    return each.server == answer.server && each.sender != answer.sender && each.usable_at.is_set() &&
+           now - each.usable_at <= facts_.max_age;
+  });
+}
+
+AnswerGate::Heard& AnswerGate::heard(const PeerId& sender) {
+  auto* found = std::ranges::find(heard_, sender, &Heard::sender);
+  if (found != heard_.end()) return *found;
+  found = std::ranges::min_element(heard_, {}, &Heard::usable_at);
+  *found = {.sender = sender, .server = 0, .sequence = 0, .usable_at = {}};
+  return *found;
 }
 
 AnswerVerdict AnswerGate::judge(const Answer& answer, bool all_finite, MonoTime now) {
@@ -39,9 +43,14 @@ AnswerVerdict AnswerGate::judge(const Answer& answer, bool all_finite, MonoTime 
   if (answer.observation_id == 0 || shown.id != answer.observation_id) return AnswerVerdict::unknown;
   if (!has_shape(answer)) return AnswerVerdict::wrong_shape;
   if (!all_finite) return AnswerVerdict::not_finite;
-  if (!is_newer_of_its_server(answer)) return AnswerVerdict::repeated;
+  if (is_taken(answer, now)) return AnswerVerdict::of_another;
+  Heard& sender = heard(answer.sender);
+  if (answer.sequence <= sender.sequence) return AnswerVerdict::repeated;
+  sender.sequence = answer.sequence;
   if (answer.observation_id < newest_played_ || now - shown.published_at > facts_.max_age)
     return AnswerVerdict::overtaken;
+  sender.server = answer.server;
+  sender.usable_at = now;
   return AnswerVerdict::usable;
 }
 

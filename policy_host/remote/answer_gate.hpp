@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a robot's bridge knows of the observations that it showed, and its verdict on what comes back. The other machine
 // is trusted with nothing: an answer counts only for an observation of this session, with this robot file, policy and
-// shape, once, and not behind a newer one. Age is not judged here: the executive does, by its own clock.
+// shape, once, and not behind a newer one. A server is the process that DDS names: what another sends under its number
+// neither counts as that server's nor makes it repeat itself. Age is not judged here: the executive does, by its own
+// clock.
 //
 // Pure; no allocation after construction. Thread rule: one thread.
 #pragma once
@@ -14,6 +16,7 @@
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/mono_time.hpp"
 #include "executive/contract/observation.hpp"
+#include "policy_host/remote/peer.hpp"
 
 namespace takt::policy_host::remote {
 
@@ -28,6 +31,7 @@ struct Shown {
 
 // An answer as it came.
 struct Answer {
+  PeerId sender;  // by DDS; the rest are claims
   std::uint64_t server = 0, epoch = 0, config_hash = 0, policy_hash = 0, observation_id = 0, sequence = 0;
   Duration queued, inferred;  // claims
   Duration older;             // claim: it rests on samples that much older than the oldest shown; 0: on none
@@ -45,20 +49,17 @@ enum class AnswerVerdict : std::uint8_t {
   unknown,      // answers what was not shown, or too long ago
   wrong_shape,
   not_finite,
-  repeated,   // not newer than the server's last
-  overtaken,  // behind a newer one, or too late to be of use
+  of_another,  // under the number of another sender, whose answers are usable
+  repeated,    // not newer than the sender's last
+  overtaken,   // behind a newer one, or too late to be of use
 };
-inline constexpr std::size_t kAnswerVerdictCount = 8;
+inline constexpr std::size_t kAnswerVerdictCount = 9;
 
 constexpr std::string_view name(AnswerVerdict verdict) {
-  constexpr std::array<std::string_view, kAnswerVerdictCount> names{"usable",
-                                                                    "for another robot file or policy",
-                                                                    "of an earlier session",
-                                                                    "to no known observation",
-                                                                    "of wrong shape",
-                                                                    "with values that are no numbers",
-                                                                    "repeated",
-                                                                    "too late"};
+  constexpr std::array<std::string_view, kAnswerVerdictCount> names{
+      "usable",         "for another robot file or policy", "of an earlier session",         "to no known observation",
+      "of wrong shape", "with values that are no numbers",  "under another server's number", "repeated",
+      "too late"};
   return names[static_cast<std::size_t>(verdict)];
 }
 
@@ -76,7 +77,7 @@ class AnswerGate {
   void begin(std::uint64_t epoch);
   [[nodiscard]] std::uint64_t epoch() const { return epoch_; }
   void show(const Shown& shown) { shown_[shown.id % shown_.size()] = shown; }
-  // `all_finite`: of its values. A usable answer is remembered as its server's last.
+  // `all_finite`: of its values. A usable answer is remembered as its sender's last.
   AnswerVerdict judge(const Answer& answer, bool all_finite, MonoTime now);
   // The usable answer is to be played: older ones are overtaken from now on. Its header, with all that is known here:
   // the network, both ways, is part of `publish`.
@@ -96,15 +97,17 @@ class AnswerGate {
 
  private:
   [[nodiscard]] bool has_shape(const Answer& answer) const;
-  bool is_newer_of_its_server(const Answer& answer);
   struct Heard {
+    PeerId sender;
     std::uint64_t server = 0, sequence = 0;
+    MonoTime usable_at;
   };
+  [[nodiscard]] bool is_taken(const Answer& answer, MonoTime now) const;
+  Heard& heard(const PeerId& sender);
   GateFacts facts_;
   std::uint64_t epoch_ = 0, newest_played_ = 0, sequence_ = 0;
   std::array<Shown, 1024> shown_{};
-  std::array<Heard, 16> heard_{};  // servers; a further one takes the place of the first
-  std::size_t next_heard_ = 0;
+  std::array<Heard, 16> heard_{};  // senders; a further one takes the place of the one that was useful longest ago
   struct PlayedAs {
     std::uint64_t sequence = 0;
     Played chunk;

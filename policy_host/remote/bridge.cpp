@@ -35,8 +35,9 @@ GateFacts facts_of(const config::RobotConfig& robot, std::uint64_t policy_hash) 
           .max_age = robot.freshness.max_age};
 }
 
-Answer answer_of(const takt_remote_Command& message) {
-  return {.server = message.server,
+Answer answer_of(const takt_remote_Command& message, const PeerId& sender) {
+  return {.sender = sender,
+          .server = message.server,
           .epoch = message.epoch,
           .config_hash = message.config_hash,
           .policy_hash = message.policy_hash,
@@ -245,26 +246,27 @@ void Bridge::send(const Observation& observation, const Shown& shown) {
 }
 
 void Bridge::take_answers() {
-  take_all<takt_remote_Command>(commands_, [this](const takt_remote_Command& message) { take(message); });
+  take_all<takt_remote_Command>(
+      commands_, [this](const takt_remote_Command& message, const PeerId& sender) { take(message, sender); });
 }
 
-void Bridge::take(const takt_remote_Command& message) {
+void Bridge::take(const takt_remote_Command& message, const PeerId& sender) {
   if (!executive_) return;
   const MonoTime now = monotonic_now();
-  const Answer answer = answer_of(message);
+  const Answer answer = answer_of(message, sender);
   const std::span values(message.values._buffer, message.values._length);
   const bool finite = std::ranges::all_of(values, [](float value) { return std::isfinite(value); });
   const AnswerVerdict verdict = gate_.judge(answer, finite, now);
   ++verdicts_[static_cast<std::size_t>(verdict)];
   if (verdict != AnswerVerdict::usable) return;
   const std::uint64_t changes = choice_.changes();
-  if (!choice_.take(answer.server, now)) return;
+  if (!choice_.take(sender, now)) return;
   if (choice_.changes() != changes) {
     const std::string name = shown(message.name);
     if (leader_name_.empty())
-      spdlog::info("policy server {} answers", name);
+      spdlog::info("policy server {} answers ({})", name, text_of(sender));
     else
-      spdlog::warn("policy server {} is silent: {} takes over", leader_name_, name);
+      spdlog::warn("policy server {} is silent: {} takes over ({})", leader_name_, name, text_of(sender));
     leader_name_ = name;
   }
   chunk_.header = gate_.play(answer, now);

@@ -59,7 +59,7 @@ class Bridge {
   bool send_sample(Source& source);
   void send(const Observation& observation, const Shown& shown);
   void take_answers();
-  void take(const takt_remote_Command& message);
+  void take(const takt_remote_Command& message, const PeerId& sender);
   void report(MonoTime now);
 
   const config::RobotConfig& robot_;

@@ -25,7 +25,8 @@ std::expected<FarSamples, std::string> FarSamples::open(const config::RobotConfi
     source.sensor = &sensor;
     source.index = static_cast<std::uint32_t>(index);
     source.server = std::move(*server);
-    source.kept.resize(sensor.image ? sensor.image->bytes() : sizeof(float) * sensor.values);
+    for (Kept& kept : source.kept)
+      kept.bytes.resize(sensor.image ? sensor.image->bytes() : sizeof(float) * sensor.values);
   }
   return samples;
 }
@@ -35,17 +36,26 @@ FarSamples::Source* FarSamples::find(std::uint32_t index) {
   return found == sources_.end() ? nullptr : &*found;
 }
 
-void FarSamples::take(const takt_remote_Sample& message) {
+const FarSamples::Kept* FarSamples::kept_of(const Source& source, const PeerId& sender) {
+  const auto* const found = std::ranges::find(source.kept, sender, &Kept::sender);
+  return found == source.kept.end() ? nullptr : found;
+}
+
+void FarSamples::take(const takt_remote_Sample& message, const PeerId& sender) {
   Source* const source = find(message.sensor);
   if (source == nullptr) return;
   const bool is_image = source->sensor->image.has_value();
   const void* const data = is_image ? static_cast<const void*>(message.image._buffer) : message.values._buffer;
   const std::size_t bytes =
       is_image ? std::size_t{message.image._length} : sizeof(float) * std::size_t{message.values._length};
-  if (bytes != source->kept.size()) return;
-  std::memcpy(source->kept.data(), data, bytes);
-  source->epoch = message.epoch;
-  source->sequence = message.number;
+  const auto same = std::ranges::find(source->kept, sender, &Kept::sender);
+  const bool first_is_robots = robot_.is_known() && source->kept[0].sender == robot_;
+  Kept& kept = same != source->kept.end() ? *same : source->kept[first_is_robots ? 1 : 0];
+  if (bytes != kept.bytes.size()) return;
+  std::memcpy(kept.bytes.data(), data, bytes);
+  kept.sender = sender;
+  kept.epoch = message.epoch;
+  kept.sequence = message.number;
 }
 
 MonoTime FarSamples::oldest_sensed_at() const {
@@ -55,16 +65,16 @@ MonoTime FarSamples::oldest_sensed_at() const {
   return oldest;
 }
 
-void FarSamples::publish(Source& source, MonoTime sensed_at) {
+void FarSamples::publish(Source& source, const Kept& kept, MonoTime sensed_at) {
   source.sensed_at = sensed_at;
   const MonoTime now = monotonic_now();
   const std::uint64_t sequence = ++source.published;
   if (source.sensor->image) {
     const std::span<std::byte> slot = source.server->begin();
-    const ImageHeader header{sequence, sensed_at, now, static_cast<std::uint32_t>(source.kept.size()), 0};
+    const ImageHeader header{sequence, sensed_at, now, static_cast<std::uint32_t>(kept.bytes.size()), 0};
     std::memcpy(slot.data(), &header, sizeof header);
-    std::ranges::copy(source.kept, slot.subspan(sizeof header).begin());
-    source.server->commit(sizeof header + source.kept.size());
+    std::ranges::copy(kept.bytes, slot.subspan(sizeof header).begin());
+    source.server->commit(sizeof header + kept.bytes.size());
     return;
   }
   SensorSample sample;
@@ -72,21 +82,23 @@ void FarSamples::publish(Source& source, MonoTime sensed_at) {
   sample.sensed_at = sensed_at;
   sample.published_at = now;
   sample.value_count = source.sensor->values;
-  std::memcpy(sample.values, source.kept.data(), source.kept.size());
+  std::memcpy(sample.values, kept.bytes.data(), kept.bytes.size());
   source.server->publish(sample);
 }
 
-bool FarSamples::pass_on(const takt_remote_Observation& message, MonoTime arrived_at) {
+bool FarSamples::pass_on(const takt_remote_Observation& message, const PeerId& sender, MonoTime arrived_at) {
+  robot_ = sender;
   const std::span named(message.samples._buffer, message.samples._length);
   const auto has = [&](const takt_remote_SampleReference& one) {
     const Source* const source = find(one.sensor);
-    return source != nullptr && source->epoch == message.epoch && source->sequence == one.number && one.age_ns >= 0;
+    const Kept* const kept = source == nullptr ? nullptr : kept_of(*source, sender);
+    return kept != nullptr && kept->epoch == message.epoch && kept->sequence == one.number && one.age_ns >= 0;
   };
   if (!std::ranges::all_of(named, has)) return false;
   for (const takt_remote_SampleReference& one : named) {
     Source& source = *find(one.sensor);
     if (source.passed_epoch == message.epoch && source.passed_sequence == one.number) continue;
-    publish(source, MonoTime{std::max<std::int64_t>(arrived_at.ns - one.age_ns, 1)});
+    publish(source, *kept_of(source, sender), MonoTime{std::max<std::int64_t>(arrived_at.ns - one.age_ns, 1)});
     source.passed_epoch = message.epoch;
     source.passed_sequence = one.number;
   }

@@ -6,6 +6,7 @@
 // belongs to it. Thread rule: one thread. Errors: one sentence, from open().
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <expected>
@@ -17,6 +18,7 @@
 #include "config/robot_config.hpp"
 #include "executive/contract/mono_time.hpp"
 #include "executive/ipc/sensor_server.hpp"
+#include "policy_host/remote/peer.hpp"
 #include "policy_types.h"
 
 namespace takt::policy_host::remote {
@@ -27,27 +29,34 @@ class FarSamples {
   static std::expected<FarSamples, std::string> open(const config::RobotConfig& robot,
                                                      const std::string& runtime_directory,
                                                      std::optional<uid_t> policy_user);
-  // Keeps it until an observation names it. What does not fit the robot file is dropped.
-  void take(const takt_remote_Sample& message);
+  // Keeps it until an observation of the same sender names it. What does not fit the robot file is dropped.
+  void take(const takt_remote_Sample& message, const PeerId& sender);
   // Passes on what the observation names. False: not all of it has come, so the observation is not to be shown.
-  bool pass_on(const takt_remote_Observation& message, MonoTime arrived_at);
+  // What `sender` sent is kept from now on, whatever others send.
+  bool pass_on(const takt_remote_Observation& message, const PeerId& sender, MonoTime arrived_at);
   // Of the samples that were passed on last, one per sensor; unset: none.
   [[nodiscard]] MonoTime oldest_sensed_at() const;
 
  private:
+  struct Kept {
+    PeerId sender;
+    std::uint64_t epoch = 0, sequence = 0;
+    std::vector<std::byte> bytes;
+  };
   struct Source {
     const config::Sensor* sensor;
     std::uint32_t index;
     std::unique_ptr<ipc::SensorServer> server;
-    std::uint64_t epoch = 0, sequence = 0;  // of the sample kept
+    std::array<Kept, 2> kept;  // the robot's, and the newest of another: a new bridge's come before its observations
     std::uint64_t passed_epoch = 0, passed_sequence = 0;
     std::uint64_t published = 0;
     MonoTime sensed_at;  // of the sample passed on last; unset: none
-    std::vector<std::byte> kept;
   };
   Source* find(std::uint32_t index);
-  static void publish(Source& source, MonoTime sensed_at);
+  static const Kept* kept_of(const Source& source, const PeerId& sender);
+  static void publish(Source& source, const Kept& kept, MonoTime sensed_at);
   std::vector<Source> sources_;
+  PeerId robot_;  // sender of the observation passed on last
 };
 
 }  // namespace takt::policy_host::remote

@@ -83,10 +83,12 @@ void Server::run(const std::atomic<bool>& stop) {
     const bool is_due = unanswered_since_.is_set() && seat_->is_taken();
     dds_waitset_wait(wait_set_, nullptr, 0, is_due ? kLook.ns : kIdle.ns);
     // Samples first: the observation that names one was sent behind it.
-    take_all<takt_remote_Sample>(samples_reader_,
-                                 [this](const takt_remote_Sample& message) { samples_.take(message); });
-    take_all<takt_remote_Observation>(observations_,
-                                      [this](const takt_remote_Observation& message) { take_observation(message); });
+    take_all<takt_remote_Sample>(samples_reader_, [this](const takt_remote_Sample& message, const PeerId& sender) {
+      samples_.take(message, sender);
+    });
+    take_all<takt_remote_Observation>(
+        observations_,
+        [this](const takt_remote_Observation& message, const PeerId& sender) { take_observation(message, sender); });
     if (seat_->read(chunk_)) answer();
     const MonoTime now = monotonic_now();
     if (unanswered_since_.is_set() && now - unanswered_since_ > robot_.freshness.max_age) unanswered_since_ = {};
@@ -106,27 +108,43 @@ bool Server::is_for_us(const takt_remote_Observation& message, MonoTime now) {
   return false;
 }
 
+// A bridge that was started again is another sender, and its predecessor is silent.
+bool Server::is_of_our_bridge(const PeerId& sender, MonoTime now) {
+  if (sender != bridge_ && bridge_.is_known() && now - bridge_heard_ <= robot_.freshness.max_age) {
+    ++of_others_;
+    other_bridge_.say(now, fmt::format("two processes show observations of robot {}: {} is answered, {} is not; "
+                                       "give each robot a server and a name of its own",
+                                       robot_.robot, text_of(bridge_), text_of(sender)));
+    return false;
+  }
+  if (sender != bridge_) epoch_ = 0;
+  bridge_ = sender;
+  bridge_heard_ = now;
+  return true;
+}
+
 // Ids go on as on the robot, gaps included, and jump where its session is another.
 std::uint64_t Server::id_here(const takt_remote_Observation& message) {
   if (message.epoch != epoch_) {
     epoch_ = message.epoch;
-    spdlog::info("robot {} begins a session", robot_.robot);
+    spdlog::info("robot {} begins a session ({})", robot_.robot, text_of(bridge_));
     return newest_id_ + kForget;
   }
   return newest_id_ + (message.id - newest_robot_id_);
 }
 
-void Server::take_observation(const takt_remote_Observation& message) {
+void Server::take_observation(const takt_remote_Observation& message, const PeerId& sender) {
   const MonoTime now = monotonic_now();
   const std::size_t joints = robot_.joints.size();
   const bool fits = message.q._length == joints && message.dq._length == joints && message.tau._length == joints &&
                     message.q_setpoint._length == joints && message.dq_of_drive._length == joints &&
                     (message.imu._length == 0 || message.imu._length == kImuValues);
   const bool has_sense = message.id != 0 && message.age_ns >= 0 && message.oldest_age_ns >= message.age_ns &&
-                         message.imu_age_ns >= 0 && message.period_ns > 0 && message.mode < kModeCount;
-  if (!fits || !has_sense || !is_for_us(message, now)) return;
+                         message.imu_age_ns >= 0 && message.period_ns > 0 && message.mode < kModeCount &&
+                         message.epoch != 0;
+  if (!fits || !has_sense || !is_for_us(message, now) || !is_of_our_bridge(sender, now)) return;
   if (message.epoch == epoch_ && message.id <= newest_robot_id_) return;  // overtaken on its way
-  if (!samples_.pass_on(message, now)) {
+  if (!samples_.pass_on(message, sender, now)) {
     ++incomplete_;
     return;
   }
@@ -204,9 +222,10 @@ void Server::answer() {
 void Server::report(MonoTime now) {
   if (now - reported_ < kReportPeriod) return;
   reported_ = now;
-  spdlog::info("{} observations shown, {} answers sent; {} observations came without their samples", shown_, answered_,
-               incomplete_);
-  shown_ = answered_ = incomplete_ = 0;
+  spdlog::info("{} observations shown, {} answers sent; {} observations came without their samples{}", shown_,
+               answered_, incomplete_,
+               of_others_ == 0 ? "" : fmt::format("; {} of another bridge were ignored", of_others_));
+  shown_ = answered_ = incomplete_ = of_others_ = 0;
 }
 
 }  // namespace takt::policy_host::remote

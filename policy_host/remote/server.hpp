@@ -2,6 +2,9 @@
 // On the policy's machine: shows the observations of a robot's bridge to a policy that sits here as if at the
 // executive, and sends its answers back. One per robot; a robot may have several, on several machines.
 //
+// It serves one bridge: the first that shows observations, until that is silent for freshness.max_age. What another
+// shows meanwhile under the robot's name is counted and told: a namesake's, or a stranger's.
+//
 // Instants come as ages and get stamps of this machine's clock, so that neither machine has to know the other's. A new
 // session of the bridge makes the policy forget (its observations' ids jump). Thread rule: one thread.
 // Errors: one sentence, from open().
@@ -54,8 +57,9 @@ class Server {
   Server(const config::RobotConfig& robot, std::string name, std::uint64_t policy_hash, dds::Domain domain,
          std::unique_ptr<PolicySeat> seat, FarSamples samples);
   std::expected<void, std::string> open_endpoints();
-  void take_observation(const takt_remote_Observation& message);
+  void take_observation(const takt_remote_Observation& message, const PeerId& sender);
   [[nodiscard]] bool is_for_us(const takt_remote_Observation& message, MonoTime now);
+  [[nodiscard]] bool is_of_our_bridge(const PeerId& sender, MonoTime now);
   std::uint64_t id_here(const takt_remote_Observation& message);
   void show(const takt_remote_Observation& message, MonoTime arrived_at);
   void answer();
@@ -68,13 +72,15 @@ class Server {
   dds_entity_t observations_ = 0, samples_reader_ = 0, commands_ = 0, wait_set_ = 0;
   std::unique_ptr<PolicySeat> seat_;
   FarSamples samples_;
+  PeerId bridge_;  // whose observations are shown; unknown: none came yet
+  MonoTime bridge_heard_;
   std::uint64_t epoch_ = 0, newest_robot_id_ = 0, newest_id_ = 0, sequence_ = 0;
   std::array<Arrived, 1024> arrived_{};
   std::array<Sent, 256> sent_{};
   CommandChunk chunk_;
   MonoTime unanswered_since_, reported_;
-  std::uint64_t shown_ = 0, incomplete_ = 0, answered_ = 0;
-  Notice other_robot_;
+  std::uint64_t shown_ = 0, incomplete_ = 0, answered_ = 0, of_others_ = 0;
+  Notice other_robot_, other_bridge_;
 };
 
 }  // namespace takt::policy_host::remote

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which of several policy servers a robot follows. One leads until it is silent for longer than is usual for it, and
-// another has something better to say; then that one leads. Nobody gets the lead back for having had it. Pure.
+// another has something better to say; then that one leads. No server gets the lead back for having had it. Pure.
 //
 // Bound: from the leader's last usable word to another's first after `longest` of silence, the time to that one's next
 // answer included. Thread rule: one thread.
@@ -12,6 +12,7 @@
 #include <cstdint>
 
 #include "executive/contract/mono_time.hpp"
+#include "policy_host/remote/peer.hpp"
 
 namespace takt::policy_host::remote {
 
@@ -22,9 +23,9 @@ class ServerChoice {
       : shortest_(std::min(shortest, longest)), longest_(longest) {}
 
   // A usable answer of `server` came; true: it is the one to follow.
-  constexpr bool take(std::uint64_t server, MonoTime now) {
+  constexpr bool take(const PeerId& server, MonoTime now) {
     if (server != leader_) {
-      if (leader_ != 0 && now - heard_ <= patience()) return false;
+      if (leader_.is_known() && now - heard_ <= patience()) return false;
       ++changes_;
       leader_ = server;
       gaps_ = {};
@@ -35,8 +36,8 @@ class ServerChoice {
     heard_ = now;
     return true;
   }
-  // 0: none yet.
-  [[nodiscard]] constexpr std::uint64_t leader() const { return leader_; }
+  // Unknown: none yet.
+  [[nodiscard]] constexpr const PeerId& leader() const { return leader_; }
   // How often the lead changed, the first time included.
   [[nodiscard]] constexpr std::uint64_t changes() const { return changes_; }
   // Twice the longest of its latest pauses.
@@ -46,7 +47,8 @@ class ServerChoice {
 
  private:
   Duration shortest_, longest_;
-  std::uint64_t leader_ = 0, changes_ = 0;
+  PeerId leader_;
+  std::uint64_t changes_ = 0;
   MonoTime heard_;
   std::array<Duration, 8> gaps_{};
   std::size_t next_gap_ = 0;

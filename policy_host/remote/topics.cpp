@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "policy_host/remote/topics.hpp"
 
+#include <algorithm>
+#include <iterator>
 #include <random>
 
 namespace takt::policy_host::remote {
 namespace {
 
 constexpr dds_duration_t kMaxBlocking = DDS_MSECS(1);
+// Messages of an instance that a reader keeps until they are taken: with one, a stranger's would replace a peer's.
+constexpr std::int32_t kKept = 4;
 
 struct TopicFacts {
   const char* name;
@@ -62,8 +66,19 @@ std::expected<dds_entity_t, std::string> make_writer(const dds::Domain& domain, 
 
 std::expected<dds_entity_t, std::string> make_reader(const dds::Domain& domain, const config::RobotConfig& robot,
                                                      Topic topic) {
-  return made(domain, topic,
-              dds_create_reader(domain.participant(), make_topic(domain, topic), qos_of(robot, topic).get(), nullptr));
+  const dds::Qos qos = qos_of(robot, topic);
+  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, kKept);
+  return made(domain, topic, dds_create_reader(domain.participant(), make_topic(domain, topic), qos.get(), nullptr));
+}
+
+PeerId sender_of(dds_entity_t reader, dds_instance_handle_t publication) {
+  PeerId sender;
+  dds_builtintopic_endpoint_t* const writer = dds_get_matched_publication_data(reader, publication);
+  if (writer == nullptr) return sender;
+  static_assert(sizeof writer->participant_key.v == sizeof sender.guid);
+  std::ranges::copy(writer->participant_key.v, sender.guid.begin());
+  dds_builtintopic_free_endpoint(writer);
+  return sender;
 }
 
 std::uint64_t drawn_number() {

@@ -9,6 +9,7 @@
 
 #include "config/robot_config.hpp"
 #include "dds/domain.hpp"
+#include "policy_host/remote/peer.hpp"
 #include "policy_types.h"
 
 namespace takt::policy_host::remote {
@@ -24,13 +25,17 @@ std::expected<dds_entity_t, std::string> make_reader(const dds::Domain& domain, 
 // A number that no other process draws, not 0.
 std::uint64_t drawn_number();
 
-// All that came: `each(message)`, oldest first.
+// Who wrote what `reader` took under this handle. Unknown: it has left since.
+PeerId sender_of(dds_entity_t reader, dds_instance_handle_t publication);
+
+// All that came: `each(message, sender)`, oldest first. What an unknown sender wrote is dropped.
 template <class Message, class Each>
 void take_all(dds_entity_t reader, Each each) {
   void* loan[1] = {nullptr};
   dds_sample_info_t info;
   while (dds_take(reader, loan, &info, 1, 1) > 0) {
-    if (info.valid_data) each(*static_cast<const Message*>(loan[0]));
+    const PeerId sender = info.valid_data ? sender_of(reader, info.publication_handle) : PeerId{};
+    if (sender.is_known()) each(*static_cast<const Message*>(loan[0]), sender);
     dds_return_loan(reader, loan, 1);
     loan[0] = nullptr;
   }

@@ -53,6 +53,12 @@ std::string replaced(std::string text, const std::string& from, const std::strin
   return text.replace(at, from.size(), to);
 }
 
+std::size_t occurrences(const std::string& text, const std::string& words) {
+  std::size_t count = 0;
+  for (std::size_t at = text.find(words); at != std::string::npos; at = text.find(words, at + 1)) ++count;
+  return count;
+}
+
 bool until(const std::function<bool()>& holds) {
   for (int poll = 0; poll < 1500; ++poll) {
     if (holds()) return true;
@@ -391,6 +397,45 @@ TEST_F(RemotePolicy, TwoRobotsOfOneMachineAreServedApart) {
   EXPECT_TRUE(until([&] { return another.commands() > 20; })) << logs();
   EXPECT_EQ(another.violation(), "") << logs();
   EXPECT_TRUE(moves_on()) << logs();
+}
+
+// Goal: no message of a stranger silences a server, or makes its policy forget. Method: remote_stranger, on the
+// policy's machine, beside a robot that moves.
+TEST_F(RemotePolicy, AStrangersMessagesSilenceNoServer) {
+  const FarMachine far = start_far("far");
+  ASSERT_TRUE(moves_on()) << logs();
+  for (const std::string how : {"observations", "sessions", "answers"}) {
+    const std::string name = "stranger_" + how;
+    const Child stranger =
+        network_->start(1, {std::string(TAKT_BIN_DIR) + "/remote_stranger", robot_file(), how}, log(name));
+    EXPECT_TRUE(is_said(name, "sent")) << how << '\n' << logs();
+    EXPECT_TRUE(moves_on(40)) << how << '\n' << logs();
+  }
+  EXPECT_EQ(occurrences(text_of(log("far")), "begins a session"), 1U) << logs();
+  EXPECT_TRUE(is_said("far", "two processes show observations of robot arm6")) << logs();
+  EXPECT_TRUE(is_said("bridge", "under another server's number")) << logs();
+}
+
+// Goal: of two robots of one name a server serves the one that came first, until that one is silent; the other is not
+// moved. Method: a second executive and bridge of the same robot file beside the first, whose bridge is killed then.
+TEST_F(RemotePolicy, ANamesakeIsNotMovedByAServerThatServesAnother) {
+  const FarMachine far = start_far("far");
+  ASSERT_TRUE(moves_on()) << logs();
+  const std::string directory = temporary_.path("namesake");
+  std::filesystem::create_directories(directory);
+  Camera its_camera(directory);
+  Robot namesake(directory, config_, its_camera);
+  const Child bridge =
+      network_->start(0, {"takt-policy-bridge", "--robot", robot_file(), "--runtime-dir", directory}, log("namesake"));
+  EXPECT_TRUE(is_said("far", "two processes show observations of robot arm6")) << logs();
+  EXPECT_TRUE(moves_on(60)) << logs();
+  EXPECT_EQ(namesake.commands(), 0U);
+  EXPECT_EQ(occurrences(text_of(log("far")), "begins a session"), 1U) << logs();
+  bridge_->signal(SIGSTOP);
+  EXPECT_TRUE(until([&] { return namesake.commands() > 20; })) << logs();
+  EXPECT_EQ(namesake.violation(), "") << logs();
+  EXPECT_EQ(occurrences(text_of(log("far")), "begins a session"), 2U) << logs();
+  bridge_->signal(SIGCONT);
 }
 
 // A policy through the C library, on the other machine.

@@ -23,8 +23,13 @@ constexpr GateFacts kFacts{.config_hash = 1,
                            .step_period = milliseconds(10),
                            .max_age = milliseconds(150)};
 
+constexpr PeerId process(std::uint8_t number) {
+  return {{number}};
+}
+
 Answer good(std::uint64_t observation, std::uint64_t sequence) {
-  return {.server = 7,
+  return {.sender = process(7),
+          .server = 7,
           .epoch = 5,
           .config_hash = 1,
           .policy_hash = 2,
@@ -61,7 +66,7 @@ TEST(AnswerGate, RefusesWhatIsNotAnAnswerToThisRobot) {
   const std::vector<Case> cases{
       {"another robot file", [](Answer& a) { a.config_hash = 9; }, AnswerVerdict::other_robot},
       {"another policy", [](Answer& a) { a.policy_hash = 9; }, AnswerVerdict::other_robot},
-      {"nobody", [](Answer& a) { a.server = 0; }, AnswerVerdict::other_robot},
+      {"no server", [](Answer& a) { a.server = 0; }, AnswerVerdict::other_robot},
       {"an earlier session", [](Answer& a) { a.epoch = 4; }, AnswerVerdict::other_epoch},
       {"the future", [](Answer& a) { a.observation_id = 11; }, AnswerVerdict::unknown},
       {"a number that falls together", [](Answer& a) { a.observation_id = 10 + 1024; }, AnswerVerdict::unknown},
@@ -93,10 +98,44 @@ TEST(AnswerGate, TakesEachAnswerOnceAndNoneBehindANewerOneOrTooLate) {
   EXPECT_EQ(gate.judge(good(10, 2), true, kNow), AnswerVerdict::repeated) << "one that was overtaken by its next";
   EXPECT_EQ(gate.judge(good(8, 4), true, kNow), AnswerVerdict::overtaken);
   Answer other = good(8, 1);
+  other.sender = process(8);
   other.server = 8;
   EXPECT_EQ(gate.judge(other, true, kNow), AnswerVerdict::overtaken) << "another server's, too";
   EXPECT_EQ(gate.judge(good(10, 5), true, kNow + milliseconds(151)), AnswerVerdict::overtaken) << "older than max_age";
   EXPECT_EQ(gate.judge(good(10, 6), true, kNow + milliseconds(150)), AnswerVerdict::usable);
+}
+
+// Goal: what another process sends under a server's number costs that server nothing. Method: the largest number there
+// is, before and after the server was heard.
+TEST(AnswerGate, AStrangerMutesNoServerByItsNumber) {
+  for (const bool comes_first : {false, true}) {
+    AnswerGate gate = begun();
+    Answer strange = good(9, UINT64_MAX);
+    strange.sender = process(99);
+    if (!comes_first) {
+      EXPECT_EQ(gate.judge(good(9, 3), true, kNow), AnswerVerdict::usable);
+    }
+    EXPECT_EQ(gate.judge(strange, true, kNow), comes_first ? AnswerVerdict::usable : AnswerVerdict::of_another);
+    const MonoTime later = comes_first ? kNow + kFacts.max_age + Duration{1} : kNow;
+    gate.show({11, later, later, later, later});
+    EXPECT_EQ(gate.judge(good(11, 4), true, later), AnswerVerdict::usable)
+        << "no longer than max_age, had it been first";
+    strange.observation_id = 11;
+    EXPECT_NE(gate.judge(strange, true, later), AnswerVerdict::usable);
+  }
+}
+
+TEST(AnswerGate, SixteenStrangersDoNotMakeItForgetAServer) {
+  AnswerGate gate = begun();
+  ASSERT_EQ(gate.judge(good(9, 3), true, kNow), AnswerVerdict::usable);
+  gate.play(good(9, 3), kNow);
+  for (std::uint8_t stranger = 0; stranger < 40; ++stranger) {
+    Answer strange = good(8, 1);
+    strange.sender = process(static_cast<std::uint8_t>(100 + stranger));
+    strange.server = 100U + stranger;
+    EXPECT_EQ(gate.judge(strange, true, kNow), AnswerVerdict::overtaken);
+  }
+  EXPECT_EQ(gate.judge(good(9, 3), true, kNow), AnswerVerdict::repeated);
 }
 
 TEST(AnswerGate, ANewSessionBelievesNothingOfTheLast) {
@@ -173,32 +212,32 @@ constexpr MonoTime at(std::int64_t ms) {
 
 TEST(ServerChoice, FollowsOneWhileItSpeaks) {
   ServerChoice choice(milliseconds(60), milliseconds(500));
-  EXPECT_TRUE(choice.take(1, at(0)));
+  EXPECT_TRUE(choice.take(process(1), at(0)));
   for (int i = 1; i < 100; ++i) {
-    EXPECT_FALSE(choice.take(2, at(20 * i - 10)));
-    EXPECT_TRUE(choice.take(1, at(20 * i)));
+    EXPECT_FALSE(choice.take(process(2), at(20 * i - 10)));
+    EXPECT_TRUE(choice.take(process(1), at(20 * i)));
   }
   EXPECT_EQ(choice.changes(), 1U);
 }
 
 TEST(ServerChoice, ASilentLeaderLosesTheLeadForGood) {
   ServerChoice choice(milliseconds(60), milliseconds(500));
-  for (int i = 0; i < 20; ++i) choice.take(1, at(20 * i));
-  EXPECT_FALSE(choice.take(2, at(380 + 60)));
-  EXPECT_TRUE(choice.take(2, at(380 + 61)));
-  EXPECT_FALSE(choice.take(1, at(380 + 62))) << "it is back, and follows now";
-  EXPECT_EQ(choice.leader(), 2U);
+  for (int i = 0; i < 20; ++i) choice.take(process(1), at(20 * i));
+  EXPECT_FALSE(choice.take(process(2), at(380 + 60)));
+  EXPECT_TRUE(choice.take(process(2), at(380 + 61)));
+  EXPECT_FALSE(choice.take(process(1), at(380 + 62))) << "it is back, and follows now";
+  EXPECT_EQ(choice.leader(), process(2));
 }
 
 TEST(ServerChoice, ASlowLeaderIsGivenItsUsualPauseTwiceAndNoMoreThanTheLongest) {
   ServerChoice choice(milliseconds(60), milliseconds(500));
-  for (int i = 0; i < 20; ++i) choice.take(1, at(100 * i));
-  EXPECT_FALSE(choice.take(2, at(1900 + 200)));
-  EXPECT_TRUE(choice.take(2, at(1900 + 201)));
+  for (int i = 0; i < 20; ++i) choice.take(process(1), at(100 * i));
+  EXPECT_FALSE(choice.take(process(2), at(1900 + 200)));
+  EXPECT_TRUE(choice.take(process(2), at(1900 + 201)));
   ServerChoice very_slow(milliseconds(60), milliseconds(500));
-  for (int i = 0; i < 20; ++i) very_slow.take(1, at(400 * i));
+  for (int i = 0; i < 20; ++i) very_slow.take(process(1), at(400 * i));
   EXPECT_EQ(very_slow.patience(), milliseconds(500));
-  EXPECT_TRUE(very_slow.take(2, at(7600 + 501)));
+  EXPECT_TRUE(very_slow.take(process(2), at(7600 + 501)));
 }
 
 // An answer may rest on samples from before those that came with its observation; it becomes older by that, and by no
