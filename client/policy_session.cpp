@@ -289,10 +289,11 @@ bool PolicySession::has_usable_samples(const Observation& newest, MonoTime now) 
   for (std::size_t i = 0; i < sensors_.size(); ++i) update_sensor(i, now);
   const MonoTime judged_at = executive_->is_lockstep() ? instant_of(newest) : monotonic_now();
   std::string reason = policy_host::take_usable(robot_, sensors_in_use_, samples_, judged_at, used_);
+  if (!reason.empty())
+    for (const policy_host::SensorLink& sensor : sensors_)
+      if (!sensor.problem().empty()) reason += "; " + sensor.problem();
+  executive_->state_problem(now, reason);
   if (reason.empty()) return true;
-  for (const policy_host::SensorLink& sensor : sensors_) {
-    if (!sensor.problem().empty()) reason += "; " + sensor.problem();
-  }
   sentence_ = "no observation is passed on: " + reason;
   return false;
 }

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <expected>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -31,6 +32,8 @@ class ExecutiveSession {
   [[nodiscard]] bool is_over() const { return ipc::is_over(lease_); }
   // See ipc::tell_recorded.
   void tell_recorded(std::uint64_t through_tick) const { ipc::tell_recorded(lease_, through_tick); }
+  // See ipc::next_word.
+  [[nodiscard]] std::optional<PolicyWord> next_word() const { return ipc::next_word(lease_); }
   [[nodiscard]] RingMemories rings() const;
   [[nodiscard]] pid_t pid() const { return pid_; }
 

@@ -34,6 +34,7 @@
 #include "monitor/judge/run_metrics.hpp"
 #include "monitor/policy_input_session.hpp"
 #include "monitor/record/bounded_file.hpp"
+#include "monitor/record/policy_word_log.hpp"
 #include "monitor/record/record_stream.hpp"
 #include "monitor/record/run_parts.hpp"
 #include "monitor/run_keeper.hpp"
@@ -110,9 +111,11 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   spdlog::info("recording into {}", folder->path());
   exports.begin(manifest, folder->path(), monotonic_now());
   auto images = std::make_shared<ImageWatch>(options.runtime_directory, robot, *folder);
+  PolicyWordLog words(*folder);
   (*recorder)->on_seam([&](const RunFolder& next, const RunManifest& of_next) -> RunParts::LastWords {
     spdlog::info("recording goes on in {}", next.path());
     exports.go_on(of_next, next.path(), monotonic_now());
+    words.go_on_in(next);
     auto before = std::exchange(images, std::make_shared<ImageWatch>(options.runtime_directory, robot, next));
     return [before = std::move(before)](const RecordSink& last) { before->finish(last); };
   });
@@ -147,6 +150,11 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     const std::uint64_t through = (*recorder)->written_through();
     if (std::exchange(told, through) != through) session.tell_recorded(through);
   };
+  auto note_words = [&, said = false]() mutable {
+    while (const auto word = session.next_word()) words.note(*word);
+    if (!words.failure().empty() && !std::exchange(said, true))
+      spdlog::warn("what the policies' hosts say is not recorded, some or all: {}", words.failure());
+  };
   DriveCardCopy cards(options.runtime_directory + "/drives.json");
   // Behind the ticks, so that what is read first is what fills fastest.
   auto drain_all = [&](bool is_last) {
@@ -163,6 +171,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     trace::drain_end((*recorder)->manifest().last_tick, (*recorder)->manifest().ticks);
     (*recorder)->flush_if_due(monotonic_now());
     if (const auto changed = cards.look(monotonic_now())) (*recorder)->drive_cards(*changed);
+    note_words();
     tell_if_stopped();
     tell_if_it_goes_on_here();
     tell_progress();
@@ -175,6 +184,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   }
   session.tell_recorded(0);  // before the last words: closing a run takes its time
   drain_all(true);
+  note_words();
   images->finish(sink);
   const char* why = stop ? "monitor told to end" : "executive ended";
   if (const auto written = (*recorder)->finish(monotonic_now(), why); !written) spdlog::error("{}", written.error());

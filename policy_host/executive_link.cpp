@@ -88,6 +88,18 @@ void ExecutiveLink::publish(const CommandChunk& chunk) noexcept {
   commands_.writer.publish(std::as_bytes(std::span(&chunk, 1)).first(chunk.used_bytes()));
 }
 
+void ExecutiveLink::state_problem(MonoTime now, std::string_view sentence) {
+  const bool is_new = problem_.empty() || sentence.empty() || now - problem_told_ >= seconds(1);
+  if (sentence == problem_ || !is_new) return;
+  problem_ = sentence;
+  problem_told_ = now;
+  ipc::tell(lease_, PolicyWordKind::problem, sentence);
+}
+
+void ExecutiveLink::state_source(std::string_view sentence, std::uint64_t first_sequence) const {
+  ipc::tell(lease_, PolicyWordKind::source, sentence, first_sequence);
+}
+
 void ExecutiveLink::publish_input(std::span<const std::byte> input) noexcept {
   inputs_->writer.publish(input);
 }

@@ -3,7 +3,8 @@
 // where that is recorded.
 //
 // One session: a new link is made after the executive went away, with fresh mailboxes. Errors are one sentence, the
-// executive's own when it refuses. Thread rule: one thread; read and publish neither block nor allocate.
+// executive's own when it refuses. Thread rule: one thread; read and publish neither block nor allocate, nothing here
+// blocks after attach().
 #pragma once
 
 #include <cstddef>
@@ -12,6 +13,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "config/robot_config.hpp"
 #include "executive/contract/command_chunk.hpp"
@@ -40,6 +42,11 @@ class ExecutiveLink {
   // The newest observation, if it was not returned before.
   bool read(Observation& observation) noexcept;
   void publish(const CommandChunk& chunk) noexcept;
+  // Why no command is published, in words for people (contract/policy_word.hpp); empty: that is over. Told when it
+  // changes, once a second at most.
+  void state_problem(MonoTime now, std::string_view sentence);
+  // Which other process makes the commands from this one on.
+  void state_source(std::string_view sentence, std::uint64_t first_sequence) const;
   // A policy_input.hpp. Precondition: attached with a largest_input, and no longer than it.
   void publish_input(std::span<const std::byte> input) noexcept;
 
@@ -57,6 +64,8 @@ class ExecutiveLink {
   ipc::SlotReader reader_;
   Writable commands_;
   std::optional<Writable> inputs_;
+  std::string problem_;
+  MonoTime problem_told_;
 };
 
 }  // namespace takt::policy_host

@@ -167,10 +167,12 @@ void Host::answer(const Observation& observation, MonoTime dequeued_at) {
       if (!sensor.problem().empty()) reason += "; " + sensor.problem();
     }
     no_sensor_.say(dequeued_at, "no command published: " + reason);
+    executive_->state_problem(dequeued_at, reason);
     statistics_.withheld();
     return;
   }
   no_sensor_.clear();
+  executive_->state_problem(dequeued_at, "");
   responder_.ask(observation, asked.used, dequeued_at, asked.request, images_);
   pacing_.asked(dequeued_at);
   if (pool_) {

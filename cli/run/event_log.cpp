@@ -2,33 +2,20 @@
 #include "cli/run/event_log.hpp"
 
 #include <fcntl.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <nlohmann/json.hpp>
 
 #include "monitor/record/run_events.hpp"
-#include "monitor/record/run_manifest.hpp"
 
 namespace takt::cli {
-namespace {
-
-std::int64_t unix_ns(MonoTime at) {
-  timespec now{};
-  clock_gettime(CLOCK_REALTIME, &now);
-  return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec - (monotonic_now() - at).ns;
-}
-
-}  // namespace
 
 EventLog::~EventLog() {
   if (file_ >= 0) close(file_);
 }
 
 void EventLog::note(std::string_view event, const nlohmann::ordered_json& more, MonoTime at) {
-  nlohmann::ordered_json line{{"event", event}, {"monotonic_ns", at.ns}, {"utc", monitor::utc_text(unix_ns(at))}};
-  line.update(more);
-  waiting_ += line.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+  waiting_ += monitor::event_line(event, at, more);
   flush();
 }
 

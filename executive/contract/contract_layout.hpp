@@ -8,6 +8,7 @@
 #include "executive/contract/layout.hpp"
 #include "executive/contract/observation.hpp"
 #include "executive/contract/policy_input.hpp"
+#include "executive/contract/policy_word.hpp"
 #include "executive/contract/sensor_sample.hpp"
 #include "executive/contract/session.hpp"
 #include "executive/contract/tick_record.hpp"
@@ -30,6 +31,7 @@ consteval std::uint64_t contract_layout() {
       .mix(layout_of<Welcome>())
       .mix(layout_of<OperatorMessage>())
       .mix(layout_of<RecorderWord>())
+      .mix(layout_of<PolicyWord>())
       .mix(layout_of<OperatorReply>())
       .value();
 }

@@ -4,8 +4,9 @@
 // Exchange: client sends Hello -> server checks magic, ABI, layout and SO_PEERCRED, then the lease table, then lets the
 // owner decide -> Welcome with descriptors, or Welcome(refused) with a sentence ("policy is leased by pid 412
 // (takt-policy-host) since 3 s: stop it first"). A lease ends when its connection closes. For the policy roles the
-// client acknowledges (one byte) once it has mapped its mailbox; only then does the server seal and read it. A monitor
-// says again and again how far the run has reached its medium (RecorderWord).
+// client acknowledges (one byte) once it has mapped its mailbox; only then does the server seal and read it. It may say
+// what keeps it from answering (PolicyWord), which the server passes on to the monitor. A monitor says again and again
+// how far the run has reached its medium (RecorderWord).
 // A policy that does not acknowledge within kGreetingTimeout loses the lease, so that it keeps nobody else out.
 // Policy, fallback policy, candidate policy and monitor leases are exclusive. A sensor mailbox and the record rings may
 // have several readers, and operator connections, which last for one request, may overlap. Nothing blocks: the server
@@ -23,8 +24,10 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "executive/contract/policy_word.hpp"
 #include "executive/contract/session.hpp"
 #include "executive/ipc/descriptor.hpp"
 
@@ -65,6 +68,7 @@ class RendezvousServer {
     std::function<Admission(const Peer&)> admit;                                // lease is free: may it have it?
     std::function<void(const Peer&)> acknowledged;                              // policy mapped its mailbox
     std::function<void(const Peer&, std::uint64_t through_tick)> recorded;      // the monitor's word
+    std::function<void(const Peer&, const PolicyWord&)> said = {};              // a policy's: printable, with its role
     std::function<void(const Peer&)> left;                                      // lease over
     std::function<OperatorReply(const Peer&, const OperatorMessage&)> request;  // operator role only
   };
@@ -82,6 +86,8 @@ class RendezvousServer {
   void serve(std::chrono::milliseconds timeout);
   [[nodiscard]] const Peer* holder(Role role) const;  // nullptr: lease free; valid until the next serve() or evict()
   void evict(Role role);                              // closes the connection of every holder; `left` is called
+  // To the monitor. False: there is none, or it has not read what it was told before.
+  bool pass_on(const PolicyWord& word);
   [[nodiscard]] Refusals refusals() const;
   // False: its socket, or the directory, was removed: who is not connected yet cannot connect any more.
   [[nodiscard]] bool has_name() const;
@@ -107,6 +113,10 @@ std::expected<void, std::string> acknowledge(const Lease& lease);
 // How far the run has reached the monitor's medium; tick 0: nothing is recorded any more. Waits for nobody: a word that
 // finds no room is lost, and the next one says more.
 void tell_recorded(const Lease& lease, std::uint64_t through_tick);
+// A policy's host of itself. Waits for nothing: a word that finds no room is lost. A longer sentence is cut off.
+void tell(const Lease& lease, PolicyWordKind kind, std::string_view sentence, std::uint64_t first_sequence = 0);
+// To a monitor: the next that was passed on; none: no further one yet.
+std::optional<PolicyWord> next_word(const Lease& lease);
 // True once the server closed the connection or died.
 bool is_over(const Lease& lease);
 // A stop takes its own way first (stop_line.hpp) and is under way before anybody has to answer; the error says so.

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "executive/contract/contract_layout.hpp"
+#include "executive/ipc/hello_check.hpp"
 #include "executive/ipc/rendezvous.hpp"
 #include "executive/ipc/stop_line.hpp"
 #include "executive/ipc/unix_socket.hpp"
@@ -117,6 +118,22 @@ void tell_recorded(const Lease& lease, std::uint64_t through_tick) {
   RecorderWord word;
   word.through_tick = through_tick;
   (void)send(lease.connection.get(), &word, sizeof word, MSG_DONTWAIT | MSG_NOSIGNAL);
+}
+
+void tell(const Lease& lease, PolicyWordKind kind, std::string_view sentence, std::uint64_t first_sequence) {
+  PolicyWord word;
+  word.kind = kind;
+  word.first_sequence = first_sequence;
+  sentence.copy(word.sentence, sizeof word.sentence - 1);
+  (void)send(lease.connection.get(), &word, sizeof word, MSG_DONTWAIT | MSG_NOSIGNAL);
+}
+
+std::optional<PolicyWord> next_word(const Lease& lease) {
+  PolicyWord word;
+  const ssize_t size = recv(lease.connection.get(), &word, sizeof word, MSG_DONTWAIT | MSG_TRUNC);
+  if (!fault_in(word, size).empty()) return std::nullopt;
+  make_printable(word);
+  return word;
 }
 
 bool is_over(const Lease& lease) {

@@ -119,6 +119,7 @@ class RendezvousServer::State {
   void serve(std::chrono::milliseconds timeout);
   const Peer* holder(Role role) const;
   void evict(Role role);
+  bool pass_on(const PolicyWord& word) const;
   Refusals refusals() const { return refusals_; }
   bool has_name() const { return claim_.has_name(); }
 
@@ -145,7 +146,7 @@ class RendezvousServer::State {
   std::string lease_conflict(Role role) const;
   bool has_room_for(Role role) const;
   void answer(Connection& connection, const OperatorMessage& message, ssize_t size);
-  void take_acknowledgement(Connection& connection, ssize_t size);
+  void hear_policy(Connection& connection, PolicyWord word, ssize_t size);
   void take_word(Connection& connection, const RecorderWord& word, ssize_t size);
   void refuse(Connection& connection, std::uint64_t& counter, const std::string& sentence);
   void drop(Connection& connection);
@@ -265,7 +266,8 @@ void RendezvousServer::State::hear(Connection& connection) {
     Hello hello;
     OperatorMessage request;
     RecorderWord word;
-    std::byte bytes[sizeof(Hello) + 1];
+    PolicyWord policy_word;
+    std::byte bytes[sizeof(PolicyWord) + 1];
   } message{};
   const ssize_t size = recv(connection.socket.get(), message.bytes, sizeof message.bytes, MSG_DONTWAIT | MSG_TRUNC);
   if (size < 0) return;  // nothing after all; a broken connection hangs up at the next poll
@@ -277,7 +279,7 @@ void RendezvousServer::State::hear(Connection& connection) {
     case Role::policy:
     case Role::fallback_policy:
     case Role::candidate_policy:
-      return take_acknowledgement(connection, size);
+      return hear_policy(connection, message.policy_word, size);
     case Role::monitor:
       return take_word(connection, message.word, size);
     case Role::sensor_reader:
@@ -340,12 +342,27 @@ std::string RendezvousServer::State::lease_conflict(Role role) const {
          "): stop it first (kill " + pid + ") or wait until it ends";
 }
 
-void RendezvousServer::State::take_acknowledgement(Connection& connection, ssize_t size) {
-  if (size != 1 || connection.has_spoken) {
-    return refuse(connection, refusals_.malformed, "expected one byte once: the mailbox is mapped");
+void RendezvousServer::State::hear_policy(Connection& connection, PolicyWord word, ssize_t size) {
+  if (size == 1 && !connection.has_spoken) {
+    connection.has_spoken = true;
+    if (handlers_.acknowledged) handlers_.acknowledged(connection.peer);
+    return;
   }
-  connection.has_spoken = true;
-  if (handlers_.acknowledged) handlers_.acknowledged(connection.peer);
+  const std::string fault = fault_in(word, size);
+  if (!fault.empty() || !connection.has_spoken) {
+    return refuse(connection, refusals_.malformed, fault.empty() ? "a policy acknowledges before it speaks" : fault);
+  }
+  make_printable(word);
+  word.role = connection.peer.hello.role;
+  word.superseded = 0;
+  if (handlers_.said) handlers_.said(connection.peer, word);
+}
+
+bool RendezvousServer::State::pass_on(const PolicyWord& word) const {
+  const auto monitor = std::ranges::find_if(connections_, [](const Connection& each) {
+    return each.stage == Stage::leased && each.peer.hello.role == Role::monitor;
+  });
+  return monitor != connections_.end() && send_message(monitor->socket.get(), std::as_bytes(std::span(&word, 1)), {});
 }
 
 void RendezvousServer::State::take_word(Connection& connection, const RecorderWord& word, ssize_t size) {
@@ -421,6 +438,9 @@ const Peer* RendezvousServer::holder(Role role) const {
 }
 void RendezvousServer::evict(Role role) {
   state_->evict(role);
+}
+bool RendezvousServer::pass_on(const PolicyWord& word) {
+  return state_->pass_on(word);
 }
 bool RendezvousServer::has_name() const {
   return state_->has_name();

@@ -28,6 +28,16 @@ void say(OperatorReply& reply, std::string_view sentence) {
   sentence.copy(reply.sentences + said.size() + separator, sentence.size());
 }
 
+// The question at the end of `sentence` gives way to what the host says itself; empty: it said nothing.
+std::string with_reason(std::string sentence, std::string_view question, const std::string& problem) {
+  if (!problem.empty() && sentence.ends_with(question))
+    sentence.replace(sentence.size() - question.size(), question.size(), problem);
+  return sentence;
+}
+// As pipeline/arming.cpp asks.
+constexpr std::string_view kIsHostRunning = "is the policy host running?";
+constexpr std::string_view kIsFallbackHostRunning = "is its host running (takt-policy-host --fallback)?";
+
 constexpr std::string_view kNotNoticed = "the control thread did not answer in time: is it running? see takt status";
 constexpr std::string_view kStillMoves =
     "the robot still moves: wait until every joint with power rests, then reset; where one never does, hold it and "
@@ -48,6 +58,9 @@ OperatorReply Reception::answer(const OperatorMessage& message) {
       parts_.follower.catch_up();
       if (const TickRecord& latest = parts_.follower.latest(); latest.header.mode == Mode::standby)
         for (const std::string& fault : drive_faults(latest, parts_.config, parts_.robot.joints)) say(reply, fault);
+      for (const Role role : {Role::policy, Role::fallback_policy, Role::candidate_policy})
+        if (const std::string problem = words_.problem(role); !problem.empty() && seat_of(role).attached)
+          say(reply, fmt::format("{}: {}", name(role), problem));
       for (const config::WatchdogWaiver& waiver : config::watchdog_waivers(parts_.robot))
         say(reply,
             "joint " + waiver.joint + ": its drive has no command timeout (watchdog_waiver: " + waiver.reason + ")");
@@ -95,7 +108,10 @@ void Reception::arm(OperatorReply& reply) {
   const auto missing = missing_for_arming(
       latest, parts_.config, parts_.robot.joints,
       {(candidate_in_charge() ? candidate_ : policy_).attached, realtime_, allow_non_realtime_, shutting_down_});
-  for (const std::string& sentence : missing) say(reply, sentence);
+  const Role in_charge = candidate_in_charge() ? Role::candidate_policy : Role::policy;
+  for (const std::string& sentence : missing)
+    say(reply, with_reason(with_reason(sentence, kIsHostRunning, words_.problem(in_charge)), kIsFallbackHostRunning,
+                           words_.problem(Role::fallback_policy)));
   if (!missing.empty()) {
     spdlog::info("arming refused: {}", missing.front());
     return;

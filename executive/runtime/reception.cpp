@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "executive/runtime/reception.hpp"
 
+#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
@@ -8,7 +9,9 @@
 #include <utility>
 
 #include "config/observation_shape.hpp"
+#include "executive/incident/log_hint.hpp"
 #include "executive/ipc/executive_segments.hpp"
+#include "executive/runtime/clock.hpp"
 
 namespace takt::runtime {
 namespace {
@@ -35,6 +38,7 @@ ipc::RendezvousServer::Handlers Reception::handlers() {
   return {.admit = [this](const ipc::Peer& peer) { return admit(peer); },
           .acknowledged = [this](const ipc::Peer& peer) { hand_over(peer); },
           .recorded = [this](const ipc::Peer&, std::uint64_t tick) { parts_.recorded.set(tick); },
+          .said = [this](const ipc::Peer&, const PolicyWord& word) { words_.take(word, SystemClock().now()); },
           .left = [this](const ipc::Peer& peer) { take_leave(peer); },
           .request = [this](const ipc::Peer&, const OperatorMessage& message) { return answer(message); }};
 }
@@ -49,6 +53,20 @@ void Reception::serve(std::chrono::milliseconds timeout) {
   parts_.mailboxes.settle();
   parts_.fallback_mailboxes.settle();
   parts_.candidate_mailboxes.settle();
+  tell_policy_words();
+}
+
+void Reception::tell_policy_words() {
+  for (const PolicyWord& word : words_.take_due(SystemClock().now())) {
+    const std::string_view sentence(word.sentence);
+    if (word.kind == PolicyWordKind::source)
+      spdlog::info("{}: commands from {} on are of {}", name(word.role), word.first_sequence, sentence);
+    else if (sentence.empty())
+      spdlog::info("{}: what kept it from answering is over", name(word.role));
+    else
+      spdlog::warn("{}: {}", name(word.role), sentence);
+    server_->pass_on(word);
+  }
 }
 
 Reception::PolicySeat& Reception::seat_of(Role role) {
@@ -81,7 +99,9 @@ ipc::Admission Reception::admit(const ipc::Peer& peer) {
     case Role::monitor:
     case Role::viewer:
       admission.refusal = refusal_of_monitor(peer.hello, parts_.rules);
-      if (admission.refusal.empty()) admission.descriptors = parts_.published.monitor_descriptors();
+      if (!admission.refusal.empty()) break;
+      admission.descriptors = parts_.published.monitor_descriptors();
+      if (peer.hello.role == Role::monitor) words_.tell_all_again();
       break;
     case Role::input_reader:
     case Role::fallback_input_reader:
@@ -154,6 +174,7 @@ void Reception::hand_over(const ipc::Peer& peer) {
   }
   seat.mailboxes.want(std::move(*mailbox));
   seat.attached = true;
+  words_.begin(peer.hello.role, SystemClock().now());
   spdlog::info("{} pid {}: mailbox sealed, session {}", name(peer.hello.role), peer.pid, session);
 }
 
@@ -164,7 +185,11 @@ void Reception::take_leave(const ipc::Peer& peer) {
   if (!is_policy(peer.hello.role)) return;
   PolicySeat& seat = seat_of(peer.hello.role);
   seat.offered.reset();
-  if (std::exchange(seat.attached, false)) seat.mailboxes.want(nullptr);
+  if (std::exchange(seat.attached, false)) {
+    seat.mailboxes.want(nullptr);
+    words_.end(peer.hello.role, fmt::format("its host left ({}, pid {})", peer.hello.program, peer.pid),
+               SystemClock().now());
+  }
   if (auto prepared = prepare_inputs(seat); !prepared) spdlog::error("{}", prepared.error());
   server_->evict(input_reader_of(peer.hello.role));
 }
@@ -202,7 +227,7 @@ IncidentNote Reception::incident() const {
   note.asked = incident->asked ? 1 : 0;
   note.stands = incidents->stands() ? 1 : 0;
   incident->where.copy(note.where, sizeof note.where - 1);
-  incident->sentence.copy(note.sentence, sizeof note.sentence - 1);
+  with_known_reason(incident->sentence, words_.problem(Role::policy)).copy(note.sentence, sizeof note.sentence - 1);
   return note;
 }
 

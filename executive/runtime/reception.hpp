@@ -30,6 +30,7 @@
 #include "executive/runtime/admission.hpp"
 #include "executive/runtime/mailbox_handover.hpp"
 #include "executive/runtime/operator_inbox.hpp"
+#include "executive/runtime/policy_words.hpp"
 #include "executive/runtime/published_segments.hpp"
 #include "executive/runtime/recorded_through.hpp"
 #include "executive/runtime/status_board.hpp"
@@ -91,6 +92,7 @@ class Reception {
   ipc::Admission admit_input_reader(const ipc::Peer& peer);
   void hand_over(const ipc::Peer& peer);
   void take_leave(const ipc::Peer& peer);
+  void tell_policy_words();
 
   OperatorReply answer(const OperatorMessage& message);
   void arm(OperatorReply& reply);
@@ -113,6 +115,7 @@ class Reception {
   std::uint8_t sessions_ =
       0;  // of policy and candidate: what follows another one differs from it, whoever is in charge
   std::uint8_t fallback_sessions_ = 0;
+  PolicyWords words_;
   bool realtime_ = false;
   bool allow_non_realtime_ = false;
   bool shutting_down_ = false;

@@ -12,8 +12,11 @@
 #include <string_view>
 #include <vector>
 
+#include "config/printable.hpp"
+#include "executive/contract/policy_word.hpp"
 #include "monitor/judge/script.hpp"
 #include "monitor/record/bounded_file.hpp"
+#include "monitor/record/policy_word_log.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -199,10 +202,21 @@ std::string gap_of(const RunMetrics& metrics, const RecordedRun& run, const Scri
   return fmt::format("the record ends here ({}): {}{}", where, because, missing.empty() ? "" : "; " + missing);
 }
 
+std::vector<CommandSource> sources_in(const std::vector<RunEvent>& events) {
+  std::vector<CommandSource> sources;
+  for (const RunEvent& event : events)
+    if (event.event == kPolicyEvent && event.kind == name(PolicyWordKind::source) && event.is_sealed)
+      sources.push_back({event.at, event.role, config::printable(event.what), event.first_sequence, event.superseded});
+  std::ranges::stable_sort(sources, {}, &CommandSource::at);
+  return sources;
+}
+
 }  // namespace
 
 void judge_end(RunMetrics& metrics, const RecordedRun& run) {
-  const Script script(read_run_events(run.folder), run.robot);
+  const std::vector<RunEvent> events = read_run_events(run.folder);
+  metrics.command_sources = sources_in(events);
+  const Script script(events, run.robot);
   metrics.record_gap = gap_of(metrics, run, script);
   if (!metrics.record_gap.empty()) {
     if (metrics.ticks == 0) metrics.start = run.manifest.started_at;
@@ -212,10 +226,11 @@ void judge_end(RunMetrics& metrics, const RecordedRun& run) {
   }
   for (Incident& incident : metrics.incidents) {
     const ScriptFinding found = script.explain(incident);
-    if (found.scripted.empty() && found.ended.empty()) continue;
+    if (found.scripted.empty() && found.ended.empty() && found.said.empty()) continue;
     StopOrigin& origin = metrics.stop_origins[incident.tick];
     origin.scripted = found.scripted;
     origin.ended = found.ended;
+    origin.said = found.said;
   }
 }
 

@@ -59,7 +59,17 @@ struct Mark {
 struct StopOrigin {
   std::string scripted;  // "--at '3 s: kill policy', 612 ms before"; empty: nothing scripted explains it (script.hpp)
   std::string ended;     // "takt-policy-host was killed by SIGKILL"; empty: no process was missing
+  std::string said;      // "policy: its host left (..., pid 91), 640 ms before"; empty: the policy's host said nothing
   std::string told_by;   // file that tells of it, where the record does not reach it; empty: the ticks
+};
+
+// Which other process made the commands of a policy's host, as that host says.
+struct CommandSource {
+  MonoTime at;
+  std::string role;                  // "policy", "fallback policy", "candidate policy"
+  std::string what;                  // "policy server far (0110...)"; printable
+  std::uint64_t first_sequence = 0;  // of its first command, in the session of that instant
+  std::uint64_t superseded = 0;      // sources before it that followed too fast to be recorded
 };
 
 struct RunMetrics {
@@ -92,6 +102,7 @@ struct RunMetrics {
   std::vector<Incident> incidents;     // the first kListedIncidents
   std::uint64_t incident_count = 0;
   std::map<std::uint64_t, StopOrigin> stop_origins;  // by the incident's tick
+  std::vector<CommandSource> command_sources;        // in time; empty: the policies' hosts made them all
   // Why nothing can be said of the whole run, in a sentence; empty: the record reaches from the first tick to the end.
   std::string record_gap;
   std::vector<PolicyCatch> catches;  // of the chunk monitors, the first kListedCatches

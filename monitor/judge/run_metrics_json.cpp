@@ -64,6 +64,7 @@ Json incident_json(const Incident& incident, const RunMetrics& metrics) {
           {"asked", incident.asked},
           {"scripted", text_or_null(origin.scripted)},
           {"ended_process", text_or_null(origin.ended)},
+          {"policy_said", text_or_null(origin.said)},
           {"told_by", origin.told_by.empty() ? "ticks.mcap" : origin.told_by},
           {"where", incident.where},
           {"error_code", incident.error_code},
@@ -145,6 +146,13 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
                                       {"candidate", fmt::format("{:016x}", each.candidate)}});
   json["ticks_without_fallback"] = metrics.ticks_without_fallback;
   json["arrivals"] = counts_json<Arrival>(metrics.arrivals);
+  json["command_sources"] = Json::array();
+  for (const CommandSource& each : metrics.command_sources)
+    json["command_sources"].push_back({{"monotonic_ns", each.at.ns},
+                                       {"role", each.role},
+                                       {"what", each.what},
+                                       {"first_sequence", each.first_sequence},
+                                       {"superseded", each.superseded}});
   json["overruns"] = counts_json<OverrunCause>(metrics.overruns);
   json["skipped_periods"] = metrics.skipped_periods;
   json["integration_errors"] = metrics.integration_errors;

@@ -8,7 +8,10 @@
 #include <string_view>
 #include <utility>
 
+#include "config/printable.hpp"
+#include "executive/contract/policy_word.hpp"
 #include "executive/incident/log_hint.hpp"
+#include "monitor/record/policy_word_log.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -87,7 +90,7 @@ void insert_clause(std::string& sentence, const std::string& clause) {
 
 // The hint gives way to what is known.
 std::string clause_of(const ScriptFinding& finding) {
-  std::string text = finding.ended;
+  std::string text = finding.ended.empty() ? finding.said : finding.ended;
   if (!finding.scripted.empty()) text += fmt::format("{}scripted: {}", text.empty() ? "" : "; ", finding.scripted);
   return text;
 }
@@ -119,6 +122,21 @@ MonoTime Script::over_at(const RunEvent& event) const {
   return again == nullptr ? MonoTime{} : again->at + grace_;
 }
 
+// Of the robot's policy, at that instant: the newest that its host said, and did not take back.
+std::string Script::problem_at(MonoTime at) const {
+  const RunEvent* standing = nullptr;
+  for (const RunEvent& event : events_) {
+    if (event.event != kPolicyEvent || event.kind != name(PolicyWordKind::problem) ||
+        event.role != name(Role::policy) || !event.is_sealed)
+      continue;
+    if (event.at > at + (event.what.empty() ? Duration{} : kNotedLate)) break;
+    standing = &event;
+  }
+  if (standing == nullptr || standing->what.empty()) return {};
+  const std::string when = standing->at <= at ? ", " + before_text(at - standing->at) : "";
+  return fmt::format("policy: {}{}", config::printable(standing->what), when);
+}
+
 ScriptFinding Script::of(Cause cause, MonoTime at) const {
   ScriptFinding finding;
   const Causes this_cause = set_of({cause});
@@ -139,6 +157,7 @@ ScriptFinding Script::of(Cause cause, MonoTime at) const {
     if (holds(event)) finding.ended = fmt::format("{} {}", event.process, event.how);
   }
   if (!killed.empty()) finding.ended = killed;
+  if ((this_cause & kCommands) != 0) finding.said = problem_at(at);
   return finding;
 }
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// What of a run's stops and losses its script asked for, and which process had ended by then: events.jsonl
-// (monitor/record/run_events.hpp) beside the ticks. What acts, on what, and until when decides: a killed policy
-// explains a lost command and no drive's fault, and a process that was started again explains nothing any more.
+// What of a run's stops and losses its script asked for, which process had ended by then, and what a policy's host said
+// kept it from answering: events.jsonl (monitor/record/run_events.hpp) beside the ticks. What acts, on what, and until
+// when decides: a killed policy explains a lost command and no drive's fault, and a process that was started again
+// explains nothing any more.
 #pragma once
 
 #include <optional>
@@ -18,6 +19,7 @@ namespace takt::monitor {
 struct ScriptFinding {
   std::string scripted;  // "--at '3 s: kill policy', 612 ms before"; empty: nothing scripted explains it
   std::string ended;     // "takt-policy-host was killed by SIGKILL"; empty: what it needs ran
+  std::string said;      // "policy: its policy left, 140 ms before"; empty: its host said nothing
 };
 
 class Script {
@@ -33,6 +35,7 @@ class Script {
   void explain(FaultSummary& faults) const;
 
  private:
+  [[nodiscard]] std::string problem_at(MonoTime at) const;
   [[nodiscard]] MonoTime over_at(const RunEvent& event) const;  // unset: it lasts to the end
   [[nodiscard]] const RunEvent* next(std::string_view event, const RunEvent& since) const;
 

@@ -82,6 +82,8 @@ class AnswerGate {
   // The usable answer is to be played: older ones are overtaken from now on. Its header, with all that is known here:
   // the network, both ways, is part of `publish`.
   CommandHeader play(const Answer& answer, MonoTime now);
+  // Of the command that is played next in this session.
+  [[nodiscard]] std::uint64_t next_sequence() const { return sequence_ + 1; }
   // Whose chunk the executive means by this sequence of a session's command; server 0: none that is known.
   struct Played {
     std::uint64_t server = 0, sequence = 0;

@@ -104,6 +104,9 @@ std::expected<void, std::string> Bridge::open_endpoints() {
   if (!samples) return std::unexpected(samples.error());
   const auto commands = make_reader(domain_, robot_, Topic::command);
   if (!commands) return std::unexpected(commands.error());
+  const auto status = make_reader(domain_, robot_, Topic::status);
+  if (!status) return std::unexpected(status.error());
+  status_ = *status;
   observations_ = *observations;
   samples_writer_ = *samples;
   commands_ = *commands;
@@ -123,6 +126,7 @@ void Bridge::run(const std::atomic<bool>& stop) {
     if (patience > Duration{}) dds_waitset_wait(wait_set_, nullptr, 0, patience.ns);
     take_answers();
     if (executive_ && monotonic_now() >= due) look(monotonic_now());
+    state_problem(monotonic_now());
     report(monotonic_now());
   }
 }
@@ -138,6 +142,8 @@ void Bridge::attach(MonoTime now) {
   gate_.begin(drawn_number());
   for (Source& source : sources_) source.sequence = source.sent_sequence = 0;
   observed_ = {};
+  played_at_ = now;
+  source_of_session_ = {};
   no_executive_.clear();
   spdlog::info("attached to {}", socket_);
 }
@@ -166,9 +172,11 @@ void Bridge::update(Source& source, MonoTime now) {
 void Bridge::show(const Observation& observation, MonoTime dequeued_at) {
   for (Source& source : sources_) update(source, dequeued_at);
   std::string reason = take_usable(robot_, in_use_, samples_, monotonic_now(), used_);
+  lacks_ = reason;
   if (!reason.empty()) {
     for (const Source& source : sources_)
       if (!source.link.problem().empty()) reason += "; " + source.link.problem();
+    lacks_ = reason;
     no_sensor_.say(dequeued_at, "no observation is passed on: " + reason);
     return;
   }
@@ -248,6 +256,8 @@ void Bridge::send(const Observation& observation, const Shown& shown) {
 void Bridge::take_answers() {
   take_all<takt_remote_Command>(
       commands_, [this](const takt_remote_Command& message, const PeerId& sender) { take(message, sender); });
+  take_all<takt_remote_ServerStatus>(
+      status_, [this](const takt_remote_ServerStatus& message, const PeerId& sender) { take(message, sender); });
 }
 
 void Bridge::take(const takt_remote_Command& message, const PeerId& sender) {
@@ -258,7 +268,7 @@ void Bridge::take(const takt_remote_Command& message, const PeerId& sender) {
   const bool finite = std::ranges::all_of(values, [](float value) { return std::isfinite(value); });
   const AnswerVerdict verdict = gate_.judge(answer, finite, now);
   ++verdicts_[static_cast<std::size_t>(verdict)];
-  if (verdict != AnswerVerdict::usable) return;
+  if (verdict != AnswerVerdict::usable) return silence_.refused(verdict);
   const std::uint64_t changes = choice_.changes();
   if (!choice_.take(sender, now)) return;
   if (choice_.changes() != changes) {
@@ -269,11 +279,41 @@ void Bridge::take(const takt_remote_Command& message, const PeerId& sender) {
       spdlog::warn("policy server {} is silent: {} takes over ({})", leader_name_, name, text_of(sender));
     leader_name_ = name;
   }
+  if (sender != source_of_session_) {
+    executive_->state_source(fmt::format("policy server {} ({})", shown(message.name), text_of(sender)),
+                             gate_.next_sequence());
+    source_of_session_ = sender;
+  }
   chunk_.header = gate_.play(answer, now);
   std::ranges::copy(values, chunk_.values);
   executive_->publish(chunk_);
   ++played_;
+  played_at_ = now;
+  silence_.played();
   longest_answer_ = std::max(longest_answer_, now - chunk_.header.dequeued_at);
+}
+
+void Bridge::take(const takt_remote_ServerStatus& message, const PeerId& sender) {
+  silence_.heard({.sender = sender,
+                  .name = shown(message.name),
+                  .has_policy = message.has_policy,
+                  .lacks_samples = message.lacks_samples,
+                  .has_other_files = message.has_other_files,
+                  .epoch = message.epoch,
+                  .shown_age = {message.shown_age_ns},
+                  .heard_at = monotonic_now()});
+}
+
+// Before the robot is stopped for want of commands the reason is there.
+void Bridge::state_problem(MonoTime now) {
+  if (!executive_) return;
+  std::string reason = lacks_;
+  if (reason.empty() && now - played_at_ > Silence::patience(robot_.freshness.max_age)) {
+    dds_publication_matched_status_t matched{};
+    dds_get_publication_matched_status(observations_, &matched);
+    reason = silence_.reason(choice_.leader(), gate_.epoch(), matched.current_count, robot_.freshness.max_age, now);
+  }
+  executive_->state_problem(now, reason);
 }
 
 void Bridge::report(MonoTime now) {

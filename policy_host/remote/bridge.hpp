@@ -23,6 +23,7 @@
 #include "policy_host/notice.hpp"
 #include "policy_host/remote/answer_gate.hpp"
 #include "policy_host/remote/server_choice.hpp"
+#include "policy_host/remote/silence.hpp"
 #include "policy_host/remote/topics.hpp"
 #include "policy_host/sensor_link.hpp"
 
@@ -60,20 +61,26 @@ class Bridge {
   void send(const Observation& observation, const Shown& shown);
   void take_answers();
   void take(const takt_remote_Command& message, const PeerId& sender);
+  void take(const takt_remote_ServerStatus& message, const PeerId& sender);
+  void state_problem(MonoTime now);
   void report(MonoTime now);
 
   const config::RobotConfig& robot_;
   std::string socket_;
   Hello hello_;
   dds::Domain domain_;
-  dds_entity_t observations_ = 0, samples_writer_ = 0, commands_ = 0, wait_set_ = 0;
+  dds_entity_t observations_ = 0, samples_writer_ = 0, commands_ = 0, status_ = 0, wait_set_ = 0;
   std::vector<std::size_t> in_use_;
   std::vector<Source> sources_;               // one per sensor in use
   std::vector<SensorSample> samples_, used_;  // one per sensor of the robot file: newest, and what is shown
   std::optional<ExecutiveLink> executive_;
   AnswerGate gate_;
   ServerChoice choice_;
+  Silence silence_;
   MonoTime next_attempt_, observed_, reported_;
+  MonoTime played_at_;        // the newest answer, or the beginning of the session
+  std::string lacks_;         // the sensor without which no observation is passed on; empty: none
+  PeerId source_of_session_;  // who was stated to make the commands; unknown: not yet
   bool looked_since_due_ = false;
   CommandChunk chunk_;
   std::uint64_t shown_ = 0, played_ = 0;

@@ -11,6 +11,7 @@
 
 #include "executive/contract/mode.hpp"
 #include "executive/contract/monotonic_clock.hpp"
+#include "policy_host/remote/silence.hpp"
 
 namespace takt::policy_host::remote {
 namespace {
@@ -67,6 +68,9 @@ std::expected<void, std::string> Server::open_endpoints() {
   if (!samples) return std::unexpected(samples.error());
   const auto observations = make_reader(domain_, robot_, Topic::observation);
   if (!observations) return std::unexpected(observations.error());
+  const auto status = make_writer(domain_, robot_, Topic::status);
+  if (!status) return std::unexpected(status.error());
+  status_ = *status;
   commands_ = *commands;
   samples_reader_ = *samples;
   observations_ = *observations;
@@ -95,12 +99,15 @@ void Server::run(const std::atomic<bool>& stop) {
     if (now - served < kIdle) continue;
     served = now;
     seat_->serve();
+    if (now - status_told_ >= Silence::status_period(robot_.freshness.max_age) || seat_->is_taken() != told_of_policy_)
+      tell_status(now);
     report(now);
   }
 }
 
 bool Server::is_for_us(const takt_remote_Observation& message, MonoTime now) {
   if (message.config_hash == robot_.hash && message.policy_hash == policy_hash_) return true;
+  other_files_at_ = now;
   other_robot_.say(
       now, fmt::format("observations of robot {} come that are not answered: its {} there; use the same", robot_.robot,
                        message.config_hash != robot_.hash ? "robot file differs from this one"
@@ -146,6 +153,7 @@ void Server::take_observation(const takt_remote_Observation& message, const Peer
   if (message.epoch == epoch_ && message.id <= newest_robot_id_) return;  // overtaken on its way
   if (!samples_.pass_on(message, sender, now)) {
     ++incomplete_;
+    incomplete_at_ = now;
     return;
   }
   show(message, now);
@@ -187,7 +195,7 @@ void Server::show(const takt_remote_Observation& message, MonoTime arrived_at) {
   arrived_[observation.id % arrived_.size()] = {observation.id, message.epoch, message.id, arrived_at,
                                                 oldest(observation.oldest_sensed_at, samples_.oldest_sensed_at())};
   seat_->publish(observation);
-  unanswered_since_ = arrived_at;
+  unanswered_since_ = shown_at_ = arrived_at;
   ++shown_;
 }
 
@@ -217,6 +225,21 @@ void Server::answer() {
   message.fields = header.fields;
   refer(message.values, chunk_.values, chunk_.value_count());
   if (dds_write(commands_, &message) == DDS_RETCODE_OK) ++answered_;
+}
+
+void Server::tell_status(MonoTime now) {
+  const auto is_recent = [now](MonoTime at) { return at.is_set() && now - at <= seconds(1); };
+  status_told_ = now;
+  told_of_policy_ = seat_->is_taken();
+  takt_remote_ServerStatus message{};
+  message.server = number_;
+  name_.copy(message.name, sizeof message.name - 1);
+  message.has_policy = told_of_policy_;
+  message.epoch = epoch_;
+  message.shown_age_ns = shown_at_.is_set() ? (now - shown_at_).ns : -1;
+  message.lacks_samples = is_recent(incomplete_at_);
+  message.has_other_files = is_recent(other_files_at_);
+  dds_write(status_, &message);
 }
 
 void Server::report(MonoTime now) {

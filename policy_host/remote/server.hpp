@@ -63,13 +63,14 @@ class Server {
   std::uint64_t id_here(const takt_remote_Observation& message);
   void show(const takt_remote_Observation& message, MonoTime arrived_at);
   void answer();
+  void tell_status(MonoTime now);
   void report(MonoTime now);
 
   const config::RobotConfig& robot_;
   std::string name_;
   std::uint64_t policy_hash_, number_;
   dds::Domain domain_;
-  dds_entity_t observations_ = 0, samples_reader_ = 0, commands_ = 0, wait_set_ = 0;
+  dds_entity_t observations_ = 0, samples_reader_ = 0, commands_ = 0, status_ = 0, wait_set_ = 0;
   std::unique_ptr<PolicySeat> seat_;
   FarSamples samples_;
   PeerId bridge_;  // whose observations are shown; unknown: none came yet
@@ -78,7 +79,8 @@ class Server {
   std::array<Arrived, 1024> arrived_{};
   std::array<Sent, 256> sent_{};
   CommandChunk chunk_;
-  MonoTime unanswered_since_, reported_;
+  MonoTime unanswered_since_, reported_, shown_at_, incomplete_at_, other_files_at_, status_told_;
+  bool told_of_policy_ = false;
   std::uint64_t shown_ = 0, incomplete_ = 0, answered_ = 0, of_others_ = 0;
   Notice other_robot_, other_bridge_;
 };

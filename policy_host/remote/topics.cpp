@@ -24,6 +24,8 @@ TopicFacts facts_of(Topic topic) {
       return {"takt/remote_policy/observation", &takt_remote_Observation_desc, false};
     case Topic::sample:
       return {"takt/remote_policy/sample", &takt_remote_Sample_desc, true};
+    case Topic::status:
+      return {"takt/remote_policy/status", &takt_remote_ServerStatus_desc, false};
     case Topic::command:
       break;
   }
@@ -38,7 +40,7 @@ dds::Qos qos_of(const config::RobotConfig& robot, Topic topic) {
   dds_qset_reliability(qos.get(), is_kept ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT, kMaxBlocking);
   dds_qset_durability(qos.get(), is_kept ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
   dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, 1);
-  if (!is_kept) dds_qset_deadline(qos.get(), max_age);
+  if (topic == Topic::observation || topic == Topic::command) dds_qset_deadline(qos.get(), max_age);
   const char* const partition = robot.robot.c_str();
   dds_qset_partition1(qos.get(), partition);
   return qos;
@@ -60,7 +62,7 @@ std::expected<dds_entity_t, std::string> make_writer(const dds::Domain& domain, 
                                                      Topic topic) {
   const dds::Qos qos = qos_of(robot, topic);
   // Samples of rare sensors have to wait for who comes later; how old each is, the observations say.
-  if (topic != Topic::sample) dds_qset_lifespan(qos.get(), robot.freshness.max_age.ns);
+  if (topic == Topic::observation || topic == Topic::command) dds_qset_lifespan(qos.get(), robot.freshness.max_age.ns);
   return made(domain, topic, dds_create_writer(domain.participant(), make_topic(domain, topic), qos.get(), nullptr));
 }
 

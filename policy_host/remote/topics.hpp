@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The three topics between a robot's bridge and its policy servers (dds/policy_types.idl): endpoints with their QoS.
+// The four topics between a robot's bridge and its policy servers (dds/policy_types.idl): endpoints with their QoS.
 // Errors: one sentence.
 #pragma once
 
@@ -14,7 +14,7 @@
 
 namespace takt::policy_host::remote {
 
-enum class Topic : std::uint8_t { observation, sample, command };
+enum class Topic : std::uint8_t { observation, sample, command, status };
 
 // Precondition: robot.policy. Lifespan and deadline are freshness.max_age: what is older moves no robot.
 std::expected<dds_entity_t, std::string> make_writer(const dds::Domain& domain, const config::RobotConfig& robot,

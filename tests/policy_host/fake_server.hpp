@@ -6,8 +6,10 @@
 #include <stdlib.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <filesystem>
+#include <mutex>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -101,8 +103,15 @@ class FakeExecutive {
         serving_(socket, {.admit = [this](const ipc::Peer& peer) { return admit(peer); },
                           .acknowledged = [this](const ipc::Peer&) { acknowledged_ = true; },
                           .recorded = {},
+                          .said = [this](const ipc::Peer&, const PolicyWord& word) { hear(word); },
                           .left = [](const ipc::Peer&) {},
                           .request = {}}) {}
+
+  // The newest of this kind that the policy's host said.
+  [[nodiscard]] PolicyWord said(PolicyWordKind kind) const {
+    const std::lock_guard lock(said_mutex_);
+    return said_.at(static_cast<std::size_t>(kind));
+  }
 
   // The policy mapped its mailbox: from now on commands can be read. Called by the test's thread only.
   bool acknowledged() {
@@ -133,6 +142,13 @@ class FakeExecutive {
     return admission;
   }
 
+  void hear(const PolicyWord& word) {
+    const std::lock_guard lock(said_mutex_);
+    said_.at(static_cast<std::size_t>(word.kind)) = word;
+  }
+
+  mutable std::mutex said_mutex_;
+  std::array<PolicyWord, kPolicyWordKindCount> said_;  // guarded
   ipc::Segment observations_;
   ipc::Segment commands_;
   std::optional<ipc::Segment> inputs_;

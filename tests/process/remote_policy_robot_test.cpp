@@ -6,12 +6,15 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <optional>
 #include <string>
 
+#include "monitor/judge/run_metrics.hpp"
+#include "monitor/record/recorded_run.hpp"
 #include "tests/process/faulty_network.hpp"
 #include "tests/process/running_robot.hpp"
 #include "tests/process/sent_frames.hpp"
@@ -81,6 +84,18 @@ TEST_F(RemotePolicyRobot, CutOffItDegradesStopsAndStaysStopped) {
   const std::size_t degraded = transitions.find("degraded"), stopped = transitions.find("command_lost");
   EXPECT_LT(degraded, stopped) << transitions;
   EXPECT_NE(stopped, std::string::npos) << transitions;
+  // The run alone says which part failed, and whose commands moved the robot.
+  const auto run = monitor::open_run(robot_->run_directory());
+  ASSERT_TRUE(run) << run.error();
+  const auto metrics = monitor::metrics_of(*run);
+  ASSERT_TRUE(metrics) << metrics.error();
+  const auto lost = std::ranges::find(metrics->incidents, Cause::command_lost, &Incident::cause);
+  ASSERT_NE(lost, metrics->incidents.end());
+  EXPECT_NE(lost->sentence.find("is not heard: its machine, its takt-policy-server or the network"), std::string::npos)
+      << lost->sentence;
+  ASSERT_FALSE(metrics->command_sources.empty());
+  EXPECT_EQ(metrics->command_sources[0].what.find("policy server "), 0U) << metrics->command_sources[0].what;
+  EXPECT_EQ(metrics->command_sources[0].first_sequence, 1U);
 }
 
 TEST_F(RemotePolicyRobot, TracksThroughDelayJitterAndLoss) {

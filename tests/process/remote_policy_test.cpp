@@ -124,7 +124,10 @@ class Robot {
   void speculates() { speculates_ = true; }
   [[nodiscard]] std::uint64_t commands() const { return commands_; }
   [[nodiscard]] std::uint64_t newest_answered() const { return newest_answered_; }
+  [[nodiscard]] std::uint64_t sequence() const { return sequence_; }  // of the newest command
   [[nodiscard]] std::uint64_t shown() const { return shown_; }
+  [[nodiscard]] std::string problem() const { return executive_.said(PolicyWordKind::problem).sentence; }
+  [[nodiscard]] PolicyWord source() const { return executive_.said(PolicyWordKind::source); }
   // The first thing that must never be; empty: nothing was.
   [[nodiscard]] std::string violation() const {
     const std::lock_guard lock(mutex_);
@@ -194,7 +197,7 @@ class Robot {
   FakeExecutive executive_;
   Camera& camera_;
   std::map<std::uint64_t, MonoTime> observed_;  // when it was published
-  std::uint64_t sequence_ = 0;
+  std::atomic<std::uint64_t> sequence_ = 0;
   std::atomic<std::uint64_t> commands_ = 0, newest_answered_ = 0, shown_ = 0;
   mutable std::mutex mutex_;
   std::string violation_;  // guarded
@@ -356,7 +359,10 @@ TEST_F(RemotePolicy, AnotherServerTakesOverFromASilentOneAndKeepsTheLead) {
   ASSERT_TRUE(moves_on()) << logs();
   EXPECT_EQ(text_of(log("bridge")).find("takes over"), std::string::npos) << logs();
   first.server->signal(SIGSTOP);
+  const std::uint64_t first_of_second = robot_->sequence() + 1;
   EXPECT_TRUE(is_said("bridge", "policy server first is silent: second takes over")) << logs();
+  EXPECT_TRUE(until([&] { return std::string(robot_->source().sentence).starts_with("policy server second ("); }));
+  EXPECT_GE(robot_->source().first_sequence, first_of_second);
   EXPECT_TRUE(moves_on()) << logs();
   first.server->signal(SIGCONT);
   EXPECT_TRUE(moves_on(40)) << logs();
@@ -399,8 +405,39 @@ TEST_F(RemotePolicy, TwoRobotsOfOneMachineAreServedApart) {
   EXPECT_TRUE(moves_on()) << logs();
 }
 
+// Goal: the robot is told which part failed when its policy is silent, and that it is over; and whose commands it
+// plays. Method: each part of the way is stopped in turn.
+TEST_F(RemotePolicy, ThePartThatFailedIsNamed) {
+  EXPECT_TRUE(until([&] { return robot_->problem().starts_with("no policy server is in the DDS domain"); }))
+      << robot_->problem();
+  FarMachine far = start_far("far");
+  ASSERT_TRUE(moves_on()) << logs();
+  EXPECT_TRUE(until([&] { return robot_->problem().empty(); })) << robot_->problem();
+  EXPECT_EQ(std::string(robot_->source().sentence).find("policy server far ("), 0U) << robot_->source().sentence;
+  EXPECT_EQ(robot_->source().first_sequence, 1U);
+  const auto is_told = [&](const std::string& problem) {
+    return until([&] { return robot_->problem().starts_with(problem); });
+  };
+  far.host->signal(SIGSTOP);
+  EXPECT_TRUE(is_told("policy server far hears this robot, and its policy does not answer")) << robot_->problem();
+  far.host->signal(SIGCONT);
+  EXPECT_TRUE(until([&] { return robot_->problem().empty(); })) << robot_->problem();
+  far.host.reset();
+  EXPECT_TRUE(is_told("policy server far has no policy")) << robot_->problem();
+  far.host.emplace(
+      network_->start(1, {"takt-policy-host", "--robot", robot_file(), "--runtime-dir", far.directory}, log("far")));
+  EXPECT_TRUE(moves_on()) << logs();
+  network_->set({.delay = {}, .jitter = {}, .loss = 0, .twice = 0, .is_cut = true});
+  EXPECT_TRUE(is_told("policy server far is not heard")) << robot_->problem();
+  network_->set({});
+  EXPECT_TRUE(moves_on()) << logs();
+  far.server->signal(SIGKILL);
+  EXPECT_TRUE(is_told("policy server far is not heard")) << robot_->problem();
+}
+
 // Goal: no message of a stranger silences a server, or makes its policy forget. Method: remote_stranger, on the
 // policy's machine, beside a robot that moves.
+// Threat: policy-stranger
 TEST_F(RemotePolicy, AStrangersMessagesSilenceNoServer) {
   const FarMachine far = start_far("far");
   ASSERT_TRUE(moves_on()) << logs();

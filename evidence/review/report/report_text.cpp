@@ -136,6 +136,21 @@ std::string marks(const RunMetrics& metrics, std::size_t most) {
   return text;
 }
 
+// Nothing where the policies' hosts made their commands themselves, or did not say who did.
+std::string command_sources(const RunMetrics& metrics, std::size_t most) {
+  std::string text;
+  for (std::size_t index = 0; index < std::min(most, metrics.command_sources.size()); ++index) {
+    const CommandSource& each = metrics.command_sources[index];
+    text += fmt::format(
+        "  {:>+10.3f} s  {}: from command {} on of {}{}\n", (each.at - metrics.start).seconds(), each.role,
+        each.first_sequence, each.what,
+        each.superseded == 0 ? "" : fmt::format("; {} others before it were not recorded", each.superseded));
+  }
+  if (metrics.command_sources.size() > most)
+    text += fmt::format("  and {} more\n", metrics.command_sources.size() - most);
+  return text;
+}
+
 // Nothing where no candidate ever ran.
 std::string candidate(const RunMetrics& metrics, std::size_t most) {
   if (!metrics.candidate) return "";
@@ -331,7 +346,8 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
   const auto arrival = [](std::size_t index) { return takt::name(static_cast<Arrival>(index)); };
   text += fmt::format("commands      accepted {}; refused: {}\n",
                       metrics.arrivals[static_cast<std::size_t>(Arrival::accepted)],
-                      counted(metrics, metrics.arrivals, static_cast<std::size_t>(Arrival::accepted) + 1, arrival));
+                      counted(metrics, metrics.arrivals, static_cast<std::size_t>(Arrival::accepted) + 1, arrival)) +
+          command_sources(metrics, most);
   text += fmt::format(
       "interventions {} (joint-ticks)\n",
       counted(metrics, metrics.interventions, 0, [](std::size_t index) { return kInterventionNames[index]; }));

@@ -348,6 +348,45 @@ TEST_F(Rendezvous, AMonitorSaysHowFarItHasRecorded) {
   EXPECT_EQ(server.stopped().refusals().malformed, 1U);
 }
 
+// Goal: what a policy says of itself comes to the owner printable and with the policy's own role, and to the monitor;
+// what is no such word, or comes before its mailbox is mapped, ends the lease.
+TEST_F(Rendezvous, APolicySaysWhatKeepsItFromAnswering) {
+  std::mutex mutex;
+  std::vector<PolicyWord> said;
+  Handlers handlers = admit_all();
+  handlers.said = [&](const Peer&, const PolicyWord& word) {
+    const std::lock_guard lock(mutex);
+    said.push_back(word);
+  };
+  ServerThread server(path_, handlers);
+  const auto policy = attach(path_, hello_of(Role::fallback_policy), kTimeout);
+  ASSERT_TRUE(policy) << policy.error();
+  ASSERT_TRUE(acknowledge(*policy));
+  tell(*policy, PolicyWordKind::source, "server \x1b[31mfar\n", 17);
+  tell(*policy, PolicyWordKind::problem, std::string(5000, 'x'));
+  const auto count = [&] {
+    const std::lock_guard lock(mutex);
+    return said.size();
+  };
+  while (count() < 2 && !is_over(*policy)) std::this_thread::yield();
+  ASSERT_EQ(count(), 2U);
+  EXPECT_EQ(said[0].kind, PolicyWordKind::source);
+  EXPECT_EQ(said[0].role, Role::fallback_policy);
+  EXPECT_EQ(said[0].first_sequence, 17U);
+  EXPECT_STREQ(said[0].sentence, "server ?[31mfar?");
+  EXPECT_EQ(std::string(said[1].sentence), std::string(199, 'x'));
+  PolicyWord strange;
+  strange.kind = static_cast<PolicyWordKind>(7);
+  say(policy->connection, &strange, sizeof strange);
+  EXPECT_EQ(answer_to(policy->connection).status, WelcomeStatus::refused);
+  const auto early = attach(path_, hello_of(Role::policy), kTimeout);
+  ASSERT_TRUE(early) << early.error();
+  tell(*early, PolicyWordKind::problem, "before its mailbox is mapped");
+  EXPECT_EQ(answer_to(early->connection).status, WelcomeStatus::refused);
+  EXPECT_EQ(count(), 2U);
+  EXPECT_EQ(server.stopped().refusals().malformed, 2U);
+}
+
 // As many viewers as there may be: one more is told so, and whoever matters more still gets in.
 // Threat: user-crowds
 TEST_F(Rendezvous, ViewersAreBoundedAndKeepNobodyElseOut) {

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "evidence/review/report/report_text.hpp"
 #include "evidence/review/run_review.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
@@ -112,6 +113,47 @@ TEST_F(ScriptTest, WhatIsNotSealedExplainsNothing) {
   record_demo(path("sealed"));
   std::filesystem::copy(path("sealed") + "/seal.json", run_.folder.seal());
   EXPECT_FALSE(is_asked_with(kill));
+}
+
+// Goal: what the policy's host said kept it from answering stands in the place of the hint where to look, unless it was
+// over by then; a process that ended says more than its host could.
+TEST_F(ScriptTest, WhatThePolicysHostSaysIsTheReason) {
+  const auto said = [](const std::string& what, const std::string& role = "policy") {
+    return fmt::format(R"("event":"policy","role":"{}","kind":"problem","what":"{}")", role, what);
+  };
+  const RunMetrics metrics = with({{milliseconds(450), said("policy server far has no policy")}});
+  const Incident& incident = metrics.incidents.at(0);
+  EXPECT_NE(incident.sentence.find("; policy: policy server far has no policy, 450 ms before;"), std::string::npos)
+      << incident.sentence;
+  EXPECT_EQ(incident.sentence.find(kHint), std::string::npos) << incident.sentence;
+  EXPECT_FALSE(incident.asked);
+  EXPECT_EQ(to_json(metrics, run_)["incidents"][0].at("policy_said"),
+            "policy: policy server far has no policy, 450 ms before");
+  for (const std::vector<Line>& other :
+       {std::vector<Line>{{milliseconds(450), said("no sensor")}, {milliseconds(440), said("")}},
+        std::vector<Line>{{milliseconds(450), said("no sensor", "candidate policy")}},
+        std::vector<Line>{{milliseconds(-900), said("no sensor")}}})
+    EXPECT_NE(with(other).incidents.at(0).sentence.find(kHint), std::string::npos);
+  const Incident killed =
+      with({{milliseconds(700), said("its host left")}, {milliseconds(699), ended("takt-policy-host")}})
+          .incidents.at(0);
+  EXPECT_NE(killed.sentence.find("; takt-policy-host was killed by SIGKILL;"), std::string::npos) << killed.sentence;
+  EXPECT_EQ(killed.sentence.find("its host left"), std::string::npos) << killed.sentence;
+}
+
+// Goal: the report and metrics.json say which other process made the commands, and from which on.
+TEST_F(ScriptTest, WhoseCommandsTheyWereIsTold) {
+  const auto source = [](const std::string& what, int first) {
+    return fmt::format(R"("event":"policy","role":"policy","kind":"source","what":"{}","first_sequence":{})", what,
+                       first);
+  };
+  const RunMetrics metrics = with(
+      {{milliseconds(900), source("policy server far", 1)}, {milliseconds(800), source("policy server near", 41)}});
+  ASSERT_EQ(metrics.command_sources.size(), 2U);
+  EXPECT_EQ(metrics.command_sources[1].what, "policy server near");
+  EXPECT_EQ(to_json(metrics, run_)["command_sources"][1].at("first_sequence"), 41);
+  const std::string text = report_text(metrics, run_);
+  EXPECT_NE(text.find("policy: from command 41 on of policy server near"), std::string::npos) << text;
 }
 
 TEST_F(ScriptTest, APlantsFaultHoldsUntilItsEnd) {

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "executive/runtime/policy_words.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <string_view>
+
+namespace takt::runtime {
+namespace {
+
+std::size_t index_of(Role role) {
+  if (role == Role::fallback_policy) return 1;
+  return role == Role::candidate_policy ? 2 : 0;
+}
+
+bool says_the_same(const PolicyWord& one, const PolicyWord& other) {
+  return one.first_sequence == other.first_sequence && std::string_view(one.sentence) == other.sentence;
+}
+
+PolicyWord problem_word(Role role, std::string_view sentence) {
+  PolicyWord word;
+  word.role = role;
+  sentence.copy(word.sentence, sizeof word.sentence - 1);
+  return word;
+}
+
+}  // namespace
+
+PolicyWords::Seat& PolicyWords::seat_of(Role role) {
+  return seats_[index_of(role)];
+}
+
+void PolicyWords::put(const PolicyWord& word, MonoTime now) {
+  Standing& standing = seat_of(word.role).standing[static_cast<std::size_t>(word.kind)];
+  if (standing.is_known && says_the_same(standing.word, word)) return;
+  const std::uint32_t superseded = standing.is_due ? standing.word.superseded + 1 : 0;
+  standing = {.word = word, .is_known = true, .is_due = true};
+  standing.word.superseded = superseded;
+  standing.word.heard_at = now;
+}
+
+void PolicyWords::take(const PolicyWord& word, MonoTime now) {
+  put(word, now);
+}
+
+void PolicyWords::begin(Role role, MonoTime now) {
+  Seat& seat = seat_of(role);
+  seat.standing[static_cast<std::size_t>(PolicyWordKind::source)] = {};
+  if (!problem(role).empty()) put(problem_word(role, ""), now);
+}
+
+void PolicyWords::end(Role role, const std::string& how, MonoTime now) {
+  seat_of(role).standing[static_cast<std::size_t>(PolicyWordKind::source)] = {};
+  put(problem_word(role, how), now);
+}
+
+std::string PolicyWords::problem(Role role) const {
+  return seats_[index_of(role)].standing[static_cast<std::size_t>(PolicyWordKind::problem)].word.sentence;
+}
+
+void PolicyWords::tell_all_again() {
+  for (Seat& seat : seats_)
+    for (Standing& standing : seat.standing) standing.is_due = standing.is_known && standing.word.sentence[0] != '\0';
+}
+
+std::vector<PolicyWord> PolicyWords::take_due(MonoTime now) {
+  std::vector<PolicyWord> due;
+  for (Seat& seat : seats_) {
+    if (!seat.window_begin.is_set() || now - seat.window_begin >= kWindow) {
+      seat.window_begin = now;
+      seat.told = 0;
+    }
+    for (Standing& standing : seat.standing) {
+      if (!standing.is_due || seat.told == kBurst) continue;
+      ++seat.told;
+      due.push_back(standing.word);
+      standing.is_due = false;
+      standing.word.superseded = 0;
+    }
+  }
+  std::ranges::stable_sort(due, {}, &PolicyWord::heard_at);
+  return due;
+}
+
+}  // namespace takt::runtime

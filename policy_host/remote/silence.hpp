@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// Why no answer of a policy server is played, told by what is known on the robot: which part failed, in words for
+// people. Pure. Thread rule: one thread.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "executive/contract/mono_time.hpp"
+#include "policy_host/remote/answer_gate.hpp"
+#include "policy_host/remote/peer.hpp"
+
+namespace takt::policy_host::remote {
+
+// What a server said of itself last.
+struct ServerState {
+  PeerId sender;
+  std::string name;  // printable
+  bool has_policy = false, lacks_samples = false, has_other_files = false;
+  std::uint64_t epoch = 0;
+  Duration shown_age;  // negative: never
+  MonoTime heard_at;
+};
+
+class Silence {
+ public:
+  // How often a server says how it is: often enough to be known as lost when its answers are missed.
+  static constexpr Duration status_period(Duration max_age) {
+    return std::clamp(Duration{max_age.ns / 4}, milliseconds(10), milliseconds(250));
+  }
+  // From the newest answer played to when its absence is to be explained: what is lost with it is missed by then.
+  static constexpr Duration patience(Duration max_age) { return max_age + status_period(max_age) * 2; }
+
+  void heard(const ServerState& state);
+  void refused(AnswerVerdict verdict) { ++refused_[static_cast<std::size_t>(verdict)]; }
+  // An answer was played: what was refused before explains nothing.
+  void played() { refused_ = {}; }
+  // `leader`: whose answers were played last; unknown: none were yet. `epoch`: of this robot's session. `listeners`:
+  // servers that DDS knows in the domain.
+  [[nodiscard]] std::string reason(const PeerId& leader, std::uint64_t epoch, std::uint32_t listeners, Duration max_age,
+                                   MonoTime now) const;
+
+ private:
+  [[nodiscard]] std::string reason_of(const ServerState& server, std::uint64_t epoch, Duration max_age,
+                                      MonoTime now) const;
+  static bool is_heard(const ServerState& server, Duration max_age, MonoTime now) {
+    return now - server.heard_at <= status_period(max_age) * 4;
+  }
+  [[nodiscard]] std::string most_refused() const;
+  std::vector<ServerState> servers_;  // at most kMostServers
+  std::array<std::uint64_t, kAnswerVerdictCount> refused_{};
+};
+
+}  // namespace takt::policy_host::remote
