@@ -381,8 +381,10 @@ void describe_fallback(Fields& fields, Fallback& fallback, Words joints) {
 void describe_degraded(Fields& fields, DegradedConfig& degraded, const std::vector<Fallback>& fallbacks) {
   std::vector<std::string_view> names;
   for (const Fallback& fallback : fallbacks) names.emplace_back(fallback.name);
-  fields.choice({"behaviour", "hold position, slow the policy down, or hand over to a fallback"}, degraded.behaviour,
-                kDegraded);
+  fields.choice({"behaviour",
+                 "hold: brake and stay, whatever the policy says; slow: the policy at speed_scale, without a usable "
+                 "command as hold; fallback: hand over to degraded.fallback"},
+                degraded.behaviour, kDegraded);
   fields.quantity({"speed_scale", "slow: velocity limits are multiplied by it; also where resume_over begins", "0.3"},
                   degraded.speed_scale, Dimension::none, above(0, 1));
   fields.duration(

@@ -39,7 +39,9 @@ void describe_freshness(Fields& fields, Freshness& freshness) {
   fields.duration({"recover_after", "uninterrupted fresh time that ends degraded mode"}, freshness.recover_after,
                   milliseconds(1), seconds(600));
   fields.duration(
-      {"flap_memory", "a relapse within this time of the last recovery doubles the next recovery time, up to 16 times",
+      {"flap_memory",
+       "degraded again within this time of the newest return to tracking: the next recovery takes twice as long, up to "
+       "16 times recover_after",
        "10 s"},
       freshness.flap_memory, milliseconds(0), seconds(3600));
   fields.duration({"stop_after", "no usable command for this long causes a damped stop"}, freshness.stop_after,

@@ -58,7 +58,7 @@ std::string_view command_blocker(Arrival last_refusal) {
   switch (last_refusal) {
     case Arrival::none:
     case Arrival::accepted:
-      return "no fresh command: is the policy host running?";
+      return "no fresh command: the policy host's log says why, docs/troubleshooting.md what to do";
     case Arrival::missing_stamp:
       return "commands do not say when the outside sensors sensed: the policy's host must set outside_sensed_at";
     case Arrival::expired_observation:

@@ -76,7 +76,7 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
     {Cause::operator_stop,        60,  {S, P, P, P, P, F}, kRest, "one tick",
       "request, one tick; then operator reset"},
     {Cause::operator_reset,        5,  {S, A, T, D, S, S}, kNo,   "",
-      "request, one tick; granted at rest and when the fault is gone"},
+      "request, one tick; granted at rest, unless a joint is silent or implausible, or a bus off or down"},
     {Cause::shutdown,             61,  {S, P, P, P, P, F}, kEnd,  "one tick; power off at rest, after 10 s at most",
       "never: the process ends"},
     {Cause::drives_enabled,       15,  {S, T, T, D, P, F}, kNo,   "",

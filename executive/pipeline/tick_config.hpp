@@ -23,8 +23,8 @@ struct JointLimits {
   float torque = 0;            // Nm > 0
   float torque_rate = 0;       // Nm/s > 0
   float kp_max = 0, kd_max = 0;
-  float q_hard_margin = 0;  // rad: measured position this far outside q_min..q_max is a fault
-  float velocity_hard = 0;  // rad/s: measured speed above it is a fault, >= velocity
+  float q_hard_margin = 0;  // rad: measured position further outside q_min..q_max: damped stop
+  float velocity_hard = 0;  // rad/s: measured speed above it: damped stop; >= velocity
   float target_margin = 0;  // rad: a target further outside q_min..q_max than this counts as out of range
 };
 
@@ -95,7 +95,7 @@ struct FreshnessContract {
   Duration flap_memory;            // each relapse within it doubles the next recovery time, up to 16x
   Duration stop_after;             // no usable command for this long: damped stop
   Duration degrade_after;          // no usable command for this long is late, too; 0: epsilon of the window alone is
-  std::uint32_t bad_command_limit = 0;  // messages within the window refused for what they say: integration error
+  std::uint32_t bad_command_limit = 0;  // more messages within the window refused for what they say: stop
 };
 inline constexpr std::uint32_t kMaxWindowTicks = 8192;
 

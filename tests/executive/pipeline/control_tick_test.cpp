@@ -275,6 +275,33 @@ TEST(Freshness, PolicyDeathDegradesThenStopsWithinItsBound) {
   EXPECT_EQ(rig.mode(), Mode::damped_stop);
 }
 
+// Goal: between max_age and the violation the robot tracks on without a target: its references brake along the limits
+// and stay, by the joints' own gains. Method: a robot that moves, and a contract that allows a long silence.
+TEST(Freshness, UntilASilenceIsLateEachJointBrakesWithItsOwnGains) {
+  TickConfig config = robot(2);
+  config.freshness.epsilon = 0.5;
+  config.freshness.stop_after = seconds(10);
+  Rig rig(config);
+  rig.arm(0.0F);
+  rig.run_with_policy(200, 1.2F);
+  while (rig.header().freshness == Freshness::fresh || rig.header().freshness == Freshness::aging) rig.tick();
+  float speed = std::abs(rig.out->record.joints[0].dq_reference);
+  ASSERT_GT(speed, 0.5F);
+  const JointConfig& joint = rig.config.joints[0];
+  for (int i = 0; i < 400; ++i) {
+    rig.tick();
+    ASSERT_EQ(rig.mode(), Mode::tracking) << i;
+    ASSERT_EQ(rig.header().player, Player::none);
+    const float now = std::abs(rig.out->record.joints[0].dq_reference);
+    EXPECT_LE(now, speed);
+    EXPECT_LE(speed - now, 1.001F * joint.limits.acceleration * 0.001F);
+    EXPECT_EQ(rig.out->setpoints[0].kp, joint.kp);
+    EXPECT_EQ(rig.out->setpoints[0].kd, joint.kd);
+    speed = now;
+  }
+  EXPECT_EQ(speed, 0.0F) << "it stays where it came to rest";
+}
+
 // Goal: lateness that no silence shows violates the contract. Method: a max_age that each command outlives for a few
 // ticks before its successor comes.
 TEST(Freshness, LateAgainAndAgainViolatesTheContract) {
@@ -410,6 +437,12 @@ TEST(Faults, EachLeadsToItsMode) {
          r.config.feedback = {0, 0, {}}, r.drives[0].q = 1.7F;
        },
        Cause::envelope_exceeded, Mode::damped_stop},
+      {"too fast",
+       [](Rig& r) {
+         r.config.feedback = {0, 0, {}}, r.drives[0].q = -1.0F;
+         r.drives[0].dq = r.config.joints[0].limits.velocity_hard + 4.0F;
+       },
+       Cause::envelope_exceeded, Mode::damped_stop},
       {"out of reach", [](Rig& r) { r.drives[0].q = 1.7F; }, Cause::feedback_implausible, Mode::fault_latched, 1},
       {"late ticks", [](Rig& r) { r.input.lateness = milliseconds(3); }, Cause::overrun, Mode::damped_stop},
       {"skipped periods", [](Rig& r) { r.input.skipped_periods += 21; }, Cause::overrun, Mode::damped_stop},
@@ -510,6 +543,23 @@ TEST(Faults, ResetWaitsUntilTheConditionIsGone) {
   EXPECT_EQ(rig.mode(), Mode::fault_latched);
   rig.input.buses[0].state = BusState::up;
   rig.tick(nullptr, OperatorRequest::reset);
+  EXPECT_EQ(rig.mode(), Mode::standby);
+}
+
+// Goal: what disabling the drive may clear keeps no reset, and does not let the robot arm either. Method: a drive that
+// goes on reporting its fault.
+TEST(Faults, ResetIsGrantedWhileADriveStillReportsItsFault) {
+  Rig rig(robot(2));
+  rig.arm();
+  rig.drives[1].fault = true;
+  rig.run_with_policy(300, 0.0F);
+  ASSERT_EQ(rig.mode(), Mode::fault_latched);
+  ASSERT_NE(rig.header().causes_active & bit(Cause::drive_fault), 0U);
+  rig.tick_with_policy(0.0F, OperatorRequest::reset);
+  ASSERT_EQ(rig.mode(), Mode::standby);
+  rig.run_with_policy(100, 0.0F);
+  EXPECT_TRUE(blocks(rig, "the drive reports a fault"));
+  rig.tick_with_policy(0.0F, OperatorRequest::arm);
   EXPECT_EQ(rig.mode(), Mode::standby);
 }
 

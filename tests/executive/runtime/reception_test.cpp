@@ -393,6 +393,19 @@ TEST_F(ReceptionTest, AStopReachesTheTickWhileNobodyReceives) {
   });
 }
 
+// A stop that no tick reads is a stop that was taken, and the answer says what is wrong. Method: the loop has ended.
+TEST_F(ReceptionTest, AStopThatNoTickReadsIsTakenAndSaysSo) {
+  loop_->finish();
+  control_.join();
+  for (const OperatorVerb verb : {OperatorVerb::stop, OperatorVerb::press_stop, OperatorVerb::deenergise}) {
+    const OperatorReply reply = ask(verb);
+    EXPECT_EQ(reply.done, 1);
+    EXPECT_THAT(reply.sentences, HasSubstr("the control thread did not answer in time"));
+  }
+  EXPECT_EQ(ask(OperatorVerb::reset).done, 0) << "nor does a reset pass for one";
+  control_ = std::thread([] {});
+}
+
 TEST_F(ReceptionTest, APressIsAskedForOnceAlthoughItIsAnsweredElsewhere) {
   const auto stops = StopThread::start(ipc::stop_socket_beside(path()), requests_).value();
   Attached attached = attach_policy();
