@@ -54,7 +54,7 @@ The table of causes is the executive's own (`executive/pipeline/mode_machine.hpp
      └───────────── damped_stop or fault_latched
 ```
 
-Only an operator leaves `damped_stop` and `fault_latched`.
+Only an operator leads from `damped_stop` or `fault_latched` to standby: by a reset, or by taking the power.
 )");
 }
 

@@ -40,6 +40,8 @@ inline constexpr std::array kSilenceRules{
          "wait "
          "again.",
          "pipeline_test Recovery.OneMissStartsTheWaitAgain"},
+    Rule{"A drive that is too hot, or a joint that is behind, keeps the robot degraded where it degrades it.",
+         "pipeline_test Temperatures.DegradedByHeatItStaysSoUntilItIsCooler"},
     Rule{"`freshness.flap_memory` counts from the newest return to tracking. Degraded again within it, the next wait "
          "is twice "
          "as long, up to 16 times.",
