@@ -35,7 +35,7 @@ std::string with_reason(std::string sentence, std::string_view question, const s
   return sentence;
 }
 // As pipeline/arming.cpp asks.
-constexpr std::string_view kIsHostRunning = "is the policy host running?";
+constexpr std::string_view kIsHostRunning = "the policy host's log says why, docs/troubleshooting.md what to do";
 constexpr std::string_view kIsFallbackHostRunning = "is its host running (takt-policy-host --fallback)?";
 
 constexpr std::string_view kNotNoticed = "the control thread did not answer in time: is it running? see takt status";

@@ -31,8 +31,12 @@ class Silence {
   static constexpr Duration status_period(Duration max_age) {
     return std::clamp(Duration{max_age.ns / 4}, milliseconds(10), milliseconds(250));
   }
+  // A server whose newest word is older is not heard.
+  static constexpr Duration heard_for(Duration max_age) { return status_period(max_age) * 4; }
   // From the newest answer played to when its absence is to be explained: what is lost with it is missed by then.
-  static constexpr Duration patience(Duration max_age) { return max_age + status_period(max_age) * 2; }
+  static constexpr Duration patience(Duration max_age) {
+    return std::max(max_age, heard_for(max_age)) + status_period(max_age) * 2;
+  }
 
   void heard(const ServerState& state);
   void refused(AnswerVerdict verdict) { ++refused_[static_cast<std::size_t>(verdict)]; }
@@ -47,7 +51,7 @@ class Silence {
   [[nodiscard]] std::string reason_of(const ServerState& server, std::uint64_t epoch, Duration max_age,
                                       MonoTime now) const;
   static bool is_heard(const ServerState& server, Duration max_age, MonoTime now) {
-    return now - server.heard_at <= status_period(max_age) * 4;
+    return now - server.heard_at <= heard_for(max_age);
   }
   [[nodiscard]] std::string most_refused() const;
   std::vector<ServerState> servers_;  // at most kMostServers

@@ -285,6 +285,9 @@ class Life:
         except (OSError, json.JSONDecodeError):
             return
         last = manifest.get("ticks", {}).get("last", manifest.get("last_tick", 0))
+        # A monitor without a descriptor left closes its files, and no manifest says so.
+        if counted := re.match(r"(\d+) of \d+ ticks", said):
+            last = max(last, int(counted[1]))
         if folder == self.folder and last + 2000 < self.last_tick and "not in this folder" not in said:
             self.complain(f"{folder.name} ends at tick {last}, tick {self.last_tick} was seen, and the replay says: {said.strip()[-400:]}")
 

@@ -329,6 +329,32 @@ TEST_F(ReceptionTest, ArmingIsRefusedWithTheListOfWhatIsMissing) {
   EXPECT_EQ(ask(OperatorVerb::status).status.tick.mode, Mode::standby);
 }
 
+// Goal: what a policy's host says kept it from answering stands in the place of the question whether it runs, in the
+// status, and with the monitor, who comes later too; that it is over, likewise.
+TEST_F(ReceptionTest, WhatKeepsAPolicyFromAnsweringIsTold) {
+  const ipc::Lease policy = ipc::attach(path(), hello(Role::policy), 5s).value();
+  ASSERT_TRUE(ipc::acknowledge(policy));
+  const auto says = [this](OperatorVerb verb, const std::string& sentence) {
+    for (int i = 0; i < 400; ++i, std::this_thread::sleep_for(5ms))
+      if (std::string(ask(verb).sentences).find(sentence) != std::string::npos) return true;
+    return false;
+  };
+  EXPECT_TRUE(says(OperatorVerb::arm, "no fresh command: the policy host's log says why"));
+  ipc::tell(policy, PolicyWordKind::problem, "sensor target: no sample yet");
+  EXPECT_TRUE(says(OperatorVerb::arm, "no fresh command: sensor target: no sample yet"));
+  EXPECT_TRUE(says(OperatorVerb::status, "policy: sensor target: no sample yet"));
+  const ipc::Lease monitor = ipc::attach(path(), hello(Role::monitor), 5s).value();
+  const auto hears = [&](const std::string& sentence) {
+    for (int i = 0; i < 400; ++i, std::this_thread::sleep_for(5ms))
+      if (const auto word = ipc::next_word(monitor)) return word->sentence == sentence && word->role == Role::policy;
+    return false;
+  };
+  EXPECT_TRUE(hears("sensor target: no sample yet"));
+  ipc::tell(policy, PolicyWordKind::problem, "");
+  EXPECT_TRUE(hears(""));
+  EXPECT_TRUE(says(OperatorVerb::arm, "no fresh command: the policy host's log says why"));
+}
+
 TEST_F(ReceptionTest, StatusRepeatsEveryWatchdogWaiver) {
   EXPECT_THAT(ask(OperatorVerb::status).sentences, testing::Not(HasSubstr("watchdog_waiver")));
   robot_.joints[1].drive.watchdog_waiver = "seen to stop within 100 ms";

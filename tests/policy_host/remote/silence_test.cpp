@@ -93,8 +93,8 @@ TEST(Silence, StrangersDoNotPushAServerOut) {
 // What is lost with the newest answer is missed before its absence is explained.
 TEST(Silence, ExplainsNothingBeforeItCanKnow) {
   for (const Duration max_age : {milliseconds(20), milliseconds(150), seconds(2)}) {
-    const Duration heard_no_more = Silence::status_period(max_age) * 4;
-    EXPECT_GE(Silence::patience(max_age), std::max(heard_no_more, max_age) + Silence::status_period(max_age));
+    const Duration lost = std::max(Silence::heard_for(max_age), max_age);
+    EXPECT_GE(Silence::patience(max_age), lost + Silence::status_period(max_age));
   }
 }
 
