@@ -114,7 +114,7 @@ class ReceptionTest : public testing::Test {
     ipc::Lease lease;
     std::unique_ptr<HoldingPolicy> policy;
   };
-  Attached attach_policy(Role role = Role::policy) const {
+  Attached attach_policy(Role role = Role::policy, bool plays = true) const {
     Attached attached;
     attached.lease = ipc::attach(path(), hello(role), 5s).value();
     attached.policy = std::make_unique<HoldingPolicy>(
@@ -122,7 +122,7 @@ class ReceptionTest : public testing::Test {
         attached.lease.descriptors.at(ipc::kCommandDescriptor).get(), hello(role).policy_hash,
         static_cast<std::uint16_t>(robot_.policy->steps), robot_.policy->step_period);
     EXPECT_TRUE(ipc::acknowledge(attached.lease));
-    attached.policy->start();
+    if (plays) attached.policy->start();
     return attached;
   }
   std::string arm_until_granted() const {
@@ -332,8 +332,8 @@ TEST_F(ReceptionTest, ArmingIsRefusedWithTheListOfWhatIsMissing) {
 // Goal: what a policy's host says kept it from answering stands in the place of the question whether it runs, in the
 // status, and with the monitor, who comes later too; that it is over, likewise.
 TEST_F(ReceptionTest, WhatKeepsAPolicyFromAnsweringIsTold) {
-  const ipc::Lease policy = ipc::attach(path(), hello(Role::policy), 5s).value();
-  ASSERT_TRUE(ipc::acknowledge(policy));
+  const Attached attached = attach_policy(Role::policy, false);
+  const ipc::Lease& policy = attached.lease;
   const auto says = [this](OperatorVerb verb, const std::string& sentence) {
     for (int i = 0; i < 400; ++i, std::this_thread::sleep_for(5ms))
       if (std::string(ask(verb).sentences).find(sentence) != std::string::npos) return true;
