@@ -203,6 +203,15 @@ int takt_policy_publish(takt_policy* policy, const takt_chunk* chunk) {
   return guarded(policy, [&](PolicySession& session) { return session.publish(*chunk); });
 }
 
+int takt_policy_state_problem(takt_policy* policy, const char* problem) {
+  return guarded(policy,
+                 [&](PolicySession& session) { return session.state_problem(problem == nullptr ? "" : problem); });
+}
+
+int takt_policy_state_source(takt_policy* policy, const char* source) {
+  return guarded(policy, [&](PolicySession& session) { return session.state_source(source == nullptr ? "" : source); });
+}
+
 const takt_robot* takt_policy_robot(const takt_policy* policy) {
   return &policy->session->robot();
 }

@@ -186,6 +186,7 @@ int PolicySession::try_to_attach(MonoTime now) {
   continuity_.start_session();
   forget_ = true;
   sequence_ = answered_id_ = 0;
+  stated_source_.clear();
   seen_published_at_ = {};
   dequeued_at_ = {};
   for (SampleQueue& queue : queues_) queue.forget();
@@ -292,7 +293,7 @@ bool PolicySession::has_usable_samples(const Observation& newest, MonoTime now) 
   if (!reason.empty())
     for (const policy_host::SensorLink& sensor : sensors_)
       if (!sensor.problem().empty()) reason += "; " + sensor.problem();
-  executive_->state_problem(now, reason);
+  executive_->state_problem(now, reason.empty() ? problem_ : reason);
   if (reason.empty()) return true;
   sentence_ = "no observation is passed on: " + reason;
   return false;
@@ -409,9 +410,22 @@ void PolicySession::send(MonoTime outside_sensed_at, MonoTime infer_started_at, 
   header.dropped_observations = static_cast<std::uint32_t>(std::min<std::uint64_t>(view_.dropped, UINT32_MAX));
   const bool is_lockstep = executive_->is_lockstep();
   mixer_.mix(observation_, is_lockstep ? observation_.published_at : header.published_at, chunk_);
+  if (source_ != stated_source_) executive_->state_source(stated_source_ = source_, header.sequence);
+  if (!problem_.empty()) state_problem("");
   executive_->publish(chunk_);
   // Behind the command: what the robot waits for goes first.
   promised_.remember({header.sequence, is_lockstep ? MonoTime{} : header.published_at, {view_.published_ns}}, chunk_);
+}
+
+int PolicySession::state_problem(std::string problem) {
+  problem_ = std::move(problem);
+  if (executive_) executive_->state_problem(monotonic_now(), problem_);
+  return TAKT_OK;
+}
+
+int PolicySession::state_source(std::string source) {
+  source_ = std::move(source);
+  return TAKT_OK;
 }
 
 void PolicySession::send_alternative() {

@@ -46,6 +46,9 @@ class PolicySession {
   int infer_begin();
   int infer_end();
   int publish(const takt_chunk& chunk);
+  // As takt_policy_state_problem and takt_policy_state_source.
+  int state_problem(std::string problem);
+  int state_source(std::string source);
   void detach() { executive_.reset(); }
 
   [[nodiscard]] const takt_robot& robot() const { return robot_view_; }
@@ -112,6 +115,8 @@ class PolicySession {
   std::uint64_t sequence_ = 0;
   std::uint64_t answered_id_ = 0;  // newest observation that something was said to
   std::string sentence_;
+  std::string problem_;                 // why the policy publishes nothing, as it says
+  std::string source_, stated_source_;  // who makes its commands; as the executive of this session was told
   std::vector<float> values_;
   std::vector<const char*> joint_names_;
   std::vector<float> home_;

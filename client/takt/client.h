@@ -225,6 +225,14 @@ int takt_policy_infer_end(takt_policy* policy);
  * record.policy_inputs: false (docs/policies.md). */
 int takt_policy_publish(takt_policy* policy, const takt_chunk* chunk);
 
+/* For people and for the record: in takt status, in the executive's log and in the run folder, as what the policy says.
+ * Printable ASCII; what is beyond 199 characters is cut off. NULL is as "". May be called before the policy is
+ * attached; a session that begins is told again. Returns OK. problem: why it publishes nothing; "", or a publish, ends
+ * that. source: which other process made the chunk that is published next and those behind it; "": the policy itself
+ * did. */
+int takt_policy_state_problem(takt_policy* policy, const char* problem);
+int takt_policy_state_source(takt_policy* policy, const char* source);
+
 /* Valid until takt_policy_close; never NULL. */
 const takt_robot* takt_policy_robot(const takt_policy* policy);
 const takt_observation* takt_policy_observation(const takt_policy* policy);

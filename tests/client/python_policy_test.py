@@ -83,8 +83,10 @@ with takt.connect("robot.yaml", spec) as robot, servers.OpenPi("{server.url}", s
     for obs in robot:
         with obs.infer():
             q = server.infer({{"mode": obs.mode, "home": robot.home.tolist(), "state": obs.state, "target": obs.target}})
-        if q is not None:
-            obs.publish(q=q)
+        if q is None:
+            obs.withhold(server.problem)
+        else:
+            obs.publish(q=q, source=server.source)
 """)
         done, log = self.run_robot("6s", may="network")
         for mode in ("tracking", "degraded", "damped_stop"):
@@ -95,6 +97,11 @@ with takt.connect("robot.yaml", spec) as robot, servers.OpenPi("{server.url}", s
         self.assertGreater(max(moved) - moved[0], 0.05)
         replayed = self.command("takt", "replay", "run")
         self.assertEqual(replayed.returncode, 0, replayed.stdout)
+        # The run alone says whose commands moved the robot, and what failed.
+        metrics = json.loads(self.command("takt", "report", "--json", "run").stdout)
+        sources = [each["what"] for each in metrics["command_sources"]]
+        self.assertEqual([source.split(",")[0] for source in sources], [server.url], sources)
+        self.assertIn(f"policy: {server.url} did not answer within 200 ms", metrics["incidents"][0]["sentence"])
 
     def test_a_policy_sees_what_it_asked_for_and_leaves_on_a_signal(self):
         self.policy(SPEC + f"""

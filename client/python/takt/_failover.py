@@ -20,6 +20,9 @@ class _Server(Protocol):
     deadline_s: float
 
     @property
+    def source(self) -> str: ...
+
+    @property
     def infer(self) -> Callable[..., Optional[NDArray[np.float32]]]: ...
 
     def close(self) -> None: ...
@@ -60,6 +63,11 @@ class FailOver:
             if time.monotonic() - began > server.deadline_s / 2:
                 break
         return None
+
+    @property
+    def source(self) -> str:
+        """Of the server that answered last."""
+        return self.servers[self._answered].source
 
     def _note_answer(self, server: _Server) -> None:
         if self._asked != self._answered:

@@ -77,6 +77,8 @@ QUICK_FUNCTIONS = {  # they return at once: other threads need not be let in mea
     "takt_policy_infer_begin": [c_void_p],
     "takt_policy_infer_end": [c_void_p],
     "takt_policy_publish": [c_void_p, POINTER(ChunkStruct)],
+    "takt_policy_state_problem": [c_void_p, c_char_p],
+    "takt_policy_state_source": [c_void_p, c_char_p],
     "takt_sensor_publish": [c_void_p, c_int64],
 }
 

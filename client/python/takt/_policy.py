@@ -210,6 +210,7 @@ class Observation:
         self._robot, self._pointer = robot, robot._handle.pointer
         self._raw = robot._library.takt_policy_observation(self._pointer).contents
         self._publish = robot._library.takt_policy_publish
+        self._source = ""  # that was stated last
         self._infer = _Infer(robot)
         self._chunk = _library.ChunkStruct(size=ctypes.sizeof(_library.ChunkStruct))
         self._assumption = _library.AssumptionStruct(size=ctypes.sizeof(_library.AssumptionStruct))
@@ -319,7 +320,8 @@ class Observation:
         return self._infer
 
     def publish(self, *, q: ArrayLike, dq: Optional[ArrayLike] = None, kp: Optional[ArrayLike] = None,
-                kd: Optional[ArrayLike] = None, tau: Optional[ArrayLike] = None, assumes: Optional[Assumption] = None) -> None:
+                kd: Optional[ArrayLike] = None, tau: Optional[ArrayLike] = None, assumes: Optional[Assumption] = None,
+                source: Optional[str] = None) -> None:
         """Answers this observation. Each array has the shape (steps, joints): q rad, dq rad/s, kp Nm/rad, kd Nms/rad, tau Nm
         (added to the controller's torque); it is copied before this returns. dq is part of `policy.action.interpolation: cubic`, may
         stand beside `hold`, and is refused with `linear`; without kp and kd the joint's gains hold. Values travel as they
@@ -328,6 +330,8 @@ class Observation:
 
         `assumes` makes it speculative: it waits here, and answers the first observation of that instant if the joints are there then,
         within `policy.speculation`. Publish several with assumptions of their own for the same instant: they are alternatives.
+
+        `source` is the process that made it, where that is another: `server.source`. The run says so, from this command on.
         """
         chunk = self._chunk
         chunk.q = self._bytes("q", q)
@@ -336,8 +340,15 @@ class Observation:
         chunk.kd = None if kd is None else self._bytes("kd", kd)
         chunk.tau_ff = None if tau is None else self._bytes("tau", tau)
         chunk.assumes = None if assumes is None else self._assumed(assumes)
+        if source is not None and source != self._source:
+            self._source = source
+            self._robot._library.takt_policy_state_source(self._pointer, _printable(source))
         if result := self._publish(self._pointer, self._chunk_by_reference):
             self._robot._refuse(result)
+
+    def withhold(self, problem: str) -> None:
+        """Answers this observation with nothing, and says why: `takt status`, the incident and the run quote it, until the next publish."""
+        self._robot._library.takt_policy_state_problem(self._pointer, _printable(problem))
 
     def _assumed(self, given: Assumption) -> "ctypes._Pointer[_library.AssumptionStruct]":
         assumption = self._assumption
@@ -474,6 +485,10 @@ def _terms_of(spec: Policy) -> "ctypes.Array[_library.TermStruct]":
         flat[-1].kind = _library.QUEUE if isinstance(term, Queue) else _library.STREAM
         flat[-1].values, flat[-1].unit = term.values, _text(term.unit)
     return (_library.TermStruct * len(flat))(*flat)
+
+
+def _printable(text: str) -> bytes:
+    return text.encode("ascii", "replace")
 
 
 def _text(text: Optional[str]) -> Optional[bytes]:

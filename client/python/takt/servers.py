@@ -8,11 +8,13 @@
         for obs in robot:
             with obs.infer():
                 q = server.infer({"observation/joint_position": obs.state[0], "prompt": "pick up the cup"})
-            if q is not None:
-                obs.publish(q=q)
+            if q is None:
+                obs.withhold(server.problem)
+            else:
+                obs.publish(q=q, source=server.source)
 
 `infer` returns within the deadline: an array of that shape, all finite, or None, with the reason in the log "takt". Without an
-answer nothing is published, and the executive's freshness contract does what the robot file says; the age of what is published counts
+answer nothing is published, the reason is told, and the executive's freshness contract does what the robot file says; the age of what is published counts
 from the observation, by this machine's clock alone. Neither protocol says which question an answer belongs to: after a missed deadline,
 and after any message that nobody asked for, the connection is given up and made anew, so that a late answer is nobody's. An answer that came
 before is no answer, and one that took the server longer than it was waited for is another question's.
@@ -21,10 +23,12 @@ Needs Debian's python3-msgpack, and python3-websockets (OpenPi; 10.4, Debian 12'
 """
 import asyncio
 import collections
+import hashlib
 import importlib
 import inspect
 import io
 import itertools
+import json
 import logging
 import math
 import operator
@@ -145,6 +149,15 @@ class _Server:
         self.url = url
         self.problem: str = ""  # why the last infer() had no answer; empty: it had one
         self._said, self._said_at = "", -math.inf
+
+    @property
+    def source(self) -> str:
+        """Which server it is, for `obs.publish(source=...)`: its address, and the hash of what it says of itself."""
+        said = getattr(self, "metadata", None)
+        if not said:
+            return self.url
+        text = json.dumps(said, sort_keys=True, default=lambda value: repr(value))
+        return f"{self.url}, metadata {hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
     def _answer(self, ask: Callable[[], Any]) -> Optional[NDArray[np.float32]]:
         try:

@@ -143,7 +143,7 @@ std::string command_sources(const RunMetrics& metrics, std::size_t most) {
     const CommandSource& each = metrics.command_sources[index];
     text += fmt::format(
         "  {:>+10.3f} s  {}: from command {} on of {}{}\n", (each.at - metrics.start).seconds(), each.role,
-        each.first_sequence, each.what,
+        each.first_sequence, each.what.empty() ? "the policy itself" : each.what,
         each.superseded == 0 ? "" : fmt::format("; {} others before it were not recorded", each.superseded));
   }
   if (metrics.command_sources.size() > most)

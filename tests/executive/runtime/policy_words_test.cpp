@@ -37,6 +37,7 @@ TEST(PolicyWords, TellsWhatIsNewOnceAndThatItIsOver) {
   EXPECT_EQ(words.problem(Role::policy), "");
 }
 
+// Threat: policy-words
 TEST(PolicyWords, WhoSpeaksTooFastIsToldByItsNewestAndTheOthersAreCounted) {
   PolicyWords words;
   std::size_t told = 0;
