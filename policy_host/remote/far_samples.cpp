@@ -92,7 +92,8 @@ bool FarSamples::pass_on(const takt_remote_Observation& message, const PeerId& s
   const auto has = [&](const takt_remote_SampleReference& one) {
     const Source* const source = find(one.sensor);
     const Kept* const kept = source == nullptr ? nullptr : kept_of(*source, sender);
-    return kept != nullptr && kept->epoch == message.epoch && kept->sequence == one.number && one.age_ns >= 0;
+    const bool is_kept = kept != nullptr && kept->epoch == message.epoch && kept->sequence == one.number;
+    return is_kept && one.number != 0 && one.age_ns >= 0;  // 0: none came yet
   };
   if (!std::ranges::all_of(named, has)) return false;
   for (const takt_remote_SampleReference& one : named) {

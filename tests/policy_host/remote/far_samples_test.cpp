@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Goal: a policy on another machine sees the samples that its robot's bridge sent, whatever others send, and those of a
-// new bridge that come before its first observation. Method: messages by hand, from senders by hand; the sensor's
+// new bridge that come before its first observation; an observation is shown with the samples that it names, or not at
+// all. Method: messages by hand, from senders by hand; the sensor's
 // socket is read as a policy host reads it.
 #include "policy_host/remote/far_samples.hpp"
 
@@ -41,12 +42,13 @@ class FarSamplesTest : public testing::Test {
     refer(message.values, values.data(), values.size());
     samples_->take(message, sender);
   }
-  bool shows(const PeerId& sender, std::uint64_t number, std::uint64_t epoch = kEpoch) {
-    std::array<takt_remote_SampleReference, 1> names{{{0, number, 1000}}};
+  bool shows(const PeerId& sender, std::uint64_t number, std::uint64_t epoch = kEpoch, std::int64_t age_ns = 1000) {
+    std::array<takt_remote_SampleReference, 1> names{{{0, number, age_ns}}};
     takt_remote_Observation message{};
     message.epoch = epoch;
     refer(message.samples, names.data(), names.size());
-    return samples_->pass_on(message, sender, monotonic_now());
+    shown_at_ = monotonic_now();
+    return samples_->pass_on(message, sender, shown_at_);
   }
   // What a policy host reads now.
   float seen() {
@@ -63,6 +65,7 @@ class FarSamplesTest : public testing::Test {
   SensorLink link_{config::sensor_socket(directory_.path(), "target"), hello_of(robot_, 0, Role::sensor_reader, "test"),
                    mailbox_of(robot_.sensors[0])};
   float newest_ = 0;
+  MonoTime shown_at_;
 };
 
 TEST_F(FarSamplesTest, KeepsTheRobotsWhateverOthersSend) {
@@ -88,6 +91,23 @@ TEST_F(FarSamplesTest, KeepsWhatANewBridgeSentBeforeItsFirstObservation) {
   EXPECT_EQ(seen(), 0.75F);
   send(kRobot, 8, 0.25F);
   EXPECT_FALSE(shows(kNewBridge, 8, kEpoch + 1)) << "another sender's";
+}
+
+TEST_F(FarSamplesTest, WhatCameIsPassedOnWithTheAgeThatIsStated) {
+  EXPECT_FALSE(shows(kRobot, 1)) << "not there yet";
+  send(kRobot, 1, 0.25F);
+  EXPECT_FALSE(shows(kRobot, 2)) << "another one";
+  EXPECT_FALSE(shows(kRobot, 1, kEpoch + 1)) << "of another session";
+  EXPECT_FALSE(shows(kRobot, 1, kEpoch, -1)) << "from the future";
+  EXPECT_FALSE(samples_->oldest_sensed_at().is_set());
+  EXPECT_TRUE(shows(kRobot, 1, kEpoch, 1'000'000));
+  EXPECT_EQ(samples_->oldest_sensed_at(), shown_at_ - milliseconds(1));
+}
+
+TEST_F(FarSamplesTest, NoSampleIsNotTakenForOne) {
+  EXPECT_FALSE(shows(kRobot, 0, 0)) << "as if session 0 had sent a sample 0";
+  send(kRobot, 0, 0.25F, 0);
+  EXPECT_FALSE(shows(kRobot, 0, 0)) << "numbers begin with 1";
 }
 
 }  // namespace
