@@ -28,7 +28,7 @@ std::expected<OperatorVerb, std::string> judge(const Request& request, const Add
   if (request.verb == "reset")
     return std::unexpected("not by DDS: a stop or fault is cleared on the robot's machine, takt reset");
   if (request.verb != "arm") return std::unexpected(fmt::format("`{}` is no request; write arm or stop", request.verb));
-  const Duration late{now_unix_ns - request.sent_unix_ns};
+  const Duration late{now_unix_ns - std::max<std::int64_t>(request.sent_unix_ns, 0)};  // nothing was sent before 1970
   if (late > kArmWithin || late < Duration{-kArmWithin.ns})
     return std::unexpected(fmt::format("sent {:.1f} s {} by this machine's clock: send it again, or set the clocks",
                                        std::abs(late.seconds()), late.ns > 0 ? "ago" : "in the future"));

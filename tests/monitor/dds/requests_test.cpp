@@ -46,6 +46,8 @@ INSTANTIATE_TEST_SUITE_P(
                          "sent 2.5 s ago by this machine's clock: send it again, or set the clocks"},
                     Case{"arm, from the future", "arm", seconds(-60), std::nullopt,
                          "sent 60.0 s in the future by this machine's clock: send it again, or set the clocks"},
+                    Case{"arm, from before all clocks", "arm", Duration{INT64_MAX}, std::nullopt,
+                         "sent 1700000000.0 s ago by this machine's clock: send it again, or set the clocks"},
                     Case{"stop", "stop", {}, OperatorVerb::stop, ""},
                     Case{"stop, a minute late", "stop", seconds(60), OperatorVerb::stop, ""},
                     Case{"reset",
