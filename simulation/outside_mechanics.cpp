@@ -82,7 +82,7 @@ void OutsideMechanics::integrate(ArmState& state, const Eigen::VectorXd& tau, co
 }
 
 config::Vector3 OutsideMechanics::tool_position(const Eigen::VectorXd& /*q*/) {
-  return std::to_array(state_.point);
+  return link_.gives(TAKT_WORLD_POINT) ? std::to_array(state_.point) : config::Vector3{};
 }
 
 std::optional<ImuReading> OutsideMechanics::imu() {

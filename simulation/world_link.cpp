@@ -14,6 +14,7 @@
 #include <limits>
 #include <utility>
 
+#include "config/printable.hpp"
 #include "executive/contract/joints.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/unix_socket.hpp"
@@ -58,7 +59,7 @@ std::string text_of(const char (&text)[kBytes]) {
   std::string line(text, strnlen(text, kBytes));
   std::ranges::replace_if(
       line, [](unsigned char c) { return c < 0x20 || c == 0x7F; }, '?');
-  return line;
+  return config::printable(line);
 }
 
 bool all_within(std::span<const double> values, double most) {

@@ -6,6 +6,8 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "config/printable.hpp"
+
 namespace takt::cli {
 namespace {
 
@@ -23,9 +25,10 @@ std::string peer_text(std::uint64_t pid) {
   return pid == 0 ? "not attached" : fmt::format("pid {}", pid);
 }
 
+// What answers at the socket may be anything.
 template <std::size_t size>
 std::string said(const char (&field)[size]) {
-  return {field, strnlen(field, size)};
+  return config::printable({field, strnlen(field, size)});
 }
 
 nlohmann::json incident_json(const IncidentNote& incident) {
@@ -53,11 +56,11 @@ nlohmann::json candidate_json(const CandidateRecord& candidate) {
 }  // namespace
 
 std::vector<std::string> sentences_of(const OperatorReply& reply) {
-  const std::string_view all(reply.sentences, strnlen(reply.sentences, sizeof(reply.sentences)));
+  const std::string all = said(reply.sentences);
   std::vector<std::string> sentences;
   for (std::size_t begin = 0; begin < all.size();) {
     const std::size_t end = std::min(all.find('\n', begin), all.size());
-    if (end > begin) sentences.emplace_back(all.substr(begin, end - begin));
+    if (end > begin) sentences.push_back(all.substr(begin, end - begin));
     begin = end + 1;
   }
   return sentences;

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <utility>
 
+#include "config/printable.hpp"
 #include "drivers/protocol/bus_load.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 
@@ -172,7 +173,7 @@ std::string LiveView::incident() const {
   if (!attached_ || !session_.incidents.stands()) return {};
   if (session_.incidents.latest()) return session_.incidents.latest()->sentence;
   const char* const said = session_.reply.incident.sentence;
-  return {said, strnlen(said, sizeof session_.reply.incident.sentence)};
+  return config::printable({said, strnlen(said, sizeof session_.reply.incident.sentence)});
 }
 
 Picture LiveView::picture(MonoTime now) const {

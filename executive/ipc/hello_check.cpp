@@ -2,22 +2,10 @@
 #include "executive/ipc/hello_check.hpp"
 
 #include <algorithm>
-#include <span>
 
 #include "executive/contract/contract_layout.hpp"
 
 namespace takt::ipc {
-namespace {
-
-void make_printable(std::span<char> text) {
-  text.back() = '\0';
-  const auto end = std::ranges::find(text, '\0');
-  std::replace_if(
-      text.begin(), end, [](char c) { return c < ' ' || c > '~'; }, '?');
-  std::fill(end, text.end(), '\0');
-}
-
-}  // namespace
 
 std::string fault_in(const Hello& hello, ssize_t size) {
   constexpr const char* kSameVersion = ": install the same version of Takt on both sides";
@@ -49,12 +37,12 @@ std::string fault_in(const PolicyWord& word, ssize_t size) {
   return is_one ? std::string() : "expected one byte once, when the mailbox is mapped, and then words of a policy";
 }
 
-void make_printable(Hello& hello) {
-  make_printable(std::span<char>(hello.program));
-}
-
-void make_printable(PolicyWord& word) {
-  make_printable(std::span<char>(word.sentence));
+void make_printable(std::span<char> text) {
+  text.back() = '\0';
+  const auto end = std::ranges::find(text, '\0');
+  std::replace_if(
+      text.begin(), end, [](char c) { return c < ' ' || c > '~'; }, '?');
+  std::fill(end, text.end(), '\0');
 }
 
 }  // namespace takt::ipc

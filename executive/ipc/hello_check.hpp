@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Judges what a client claims in its first message, and a policy of itself, before anything else looks at it. Pure.
+// Judges the first message of a client, and a policy's word of itself, before anything else looks at them, and what
+// peers say in words. Pure.
 #pragma once
 
 #include <sys/types.h>
 
+#include <span>
 #include <string>
 
 #include "executive/contract/policy_word.hpp"
@@ -17,8 +19,7 @@ std::string fault_in(const Hello& hello, ssize_t size);
 // Why this is not a policy's word, likewise.
 std::string fault_in(const PolicyWord& word, ssize_t size);
 
-// The program's name is the peer's claim and ends up in logs: printable ASCII only, always terminated.
-void make_printable(Hello& hello);
-void make_printable(PolicyWord& word);
+// A peer's words end up in logs and on terminals: printable ASCII only, always terminated.
+void make_printable(std::span<char> text);
 
 }  // namespace takt::ipc

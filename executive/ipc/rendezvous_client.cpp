@@ -90,8 +90,10 @@ std::expected<Lease, std::string> attach_until(const std::string& path, Hello he
   auto descriptors = receive(*socket, welcome, deadline, path);
   if (!descriptors) return std::unexpected(descriptors.error());
   if (welcome.status != WelcomeStatus::accepted) {
-    std::span<const char> sentence(welcome.sentence);
-    return std::unexpected(std::string(sentence.begin(), std::ranges::find(sentence, '\0')));
+    make_printable(welcome.sentence);
+    if (welcome.sentence[0] == '\0')
+      return std::unexpected("rendezvous: the server at " + path + " refuses, and does not say why: see its log");
+    return std::unexpected(welcome.sentence);
   }
   if (descriptors->size() != welcome.descriptor_count) {
     return std::unexpected("rendezvous: " + std::to_string(descriptors->size()) + " of " +
@@ -132,7 +134,7 @@ std::optional<PolicyWord> next_word(const Lease& lease) {
   PolicyWord word;
   const ssize_t size = recv(lease.connection.get(), &word, sizeof word, MSG_DONTWAIT | MSG_TRUNC);
   if (!fault_in(word, size).empty()) return std::nullopt;
-  make_printable(word);
+  make_printable(word.sentence);
   return word;
 }
 

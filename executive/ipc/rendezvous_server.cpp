@@ -310,7 +310,7 @@ void RendezvousServer::State::greet(Connection& connection, Hello hello, ssize_t
                   who + " and may not be " + std::string(name(hello.role)) + ": run as user " +
                       std::to_string(allowed_uid_) + " or root");
   }
-  make_printable(hello);
+  make_printable(hello.program);
   if (ours && !has_room_for(hello.role)) {
     return refuse(
         connection, refusals_.unwelcome,
@@ -352,7 +352,7 @@ void RendezvousServer::State::hear_policy(Connection& connection, PolicyWord wor
   if (!fault.empty() || !connection.has_spoken) {
     return refuse(connection, refusals_.malformed, fault.empty() ? "a policy acknowledges before it speaks" : fault);
   }
-  make_printable(word);
+  make_printable(word.sentence);
   word.role = connection.peer.hello.role;
   word.superseded = 0;
   if (handlers_.said) handlers_.said(connection.peer, word);

@@ -133,6 +133,12 @@ const std::vector<Spoilt> kSpoilt{
        strcpy(s.reason, "fell\n");
      },
      WorldEndKind::failed, "beyond help: fell?"},
+    {"a reason that moves the cursor",
+     [](auto& s) {
+       s.outcome = TAKT_WORLD_FAILED;
+       strcpy(s.reason, "fell\x1b[2J\xC2\x9b\xFF");
+     },
+     WorldEndKind::failed, "beyond help: fell?[2J\\xc2\\x9b\\xff"},
     {"physics that diverged",
      [](auto& s) {
        s.outcome = TAKT_WORLD_UNABLE;
@@ -183,6 +189,19 @@ TEST(WorldLink, ASampleThatIsTakenBackIsOutOfTurn) {
   const auto state = link->step({zero, zero, zero});
   ASSERT_FALSE(state);
   EXPECT_THAT(state.error().sentence, HasSubstr("sample 0 of sensor eye after 1"));
+}
+
+// Goal: what a world does not say it gives is nowhere. Method: a point of NaN, unannounced.
+TEST(WorldLink, APointThatIsNotGivenIsNotRead) {
+  const ForkedWorld process([](const std::string& path) {
+    test::play(path, 0, [](const takt_world&, takt_world_state& state) {
+      state.point[0] = kNaN;
+      return true;
+    });
+  });
+  const auto outside = OutsideMechanics::connect(test::demo_arm(), process.path(), 1, kPatience);
+  ASSERT_TRUE(outside) << outside.error().sentence;
+  EXPECT_EQ((*outside)->tool_position((*outside)->begin().q), (config::Vector3{}));
 }
 
 // The reset answered, then this.

@@ -544,5 +544,30 @@ TEST_F(Rendezvous, ClientSaysWhatIsWrongWithoutAServer) {
   EXPECT_TRUE(contains(unanswered.error(), "did not answer in time")) << unanswered.error();
 }
 
+// Goal: a server's refusal is a sentence for a terminal, whichever process serves. Method: one that moves the cursor,
+// has no end and is no UTF-8; and one without a word.
+TEST_F(Rendezvous, ClientShowsNoRefusalThatATerminalObeys) {
+  std::filesystem::create_directories(directory_ / "run/arm");
+  const auto listener = listen_at(path_);
+  ASSERT_TRUE(listener) << listener.error();
+  const auto refused_with = [&](const Welcome& welcome) {
+    const std::jthread server([&] {
+      const Descriptor socket(accept(listener->get(), nullptr, nullptr));
+      Hello hello;
+      EXPECT_EQ(recv(socket.get(), &hello, sizeof hello, 0), static_cast<ssize_t>(sizeof hello));
+      say(socket, &welcome, sizeof welcome);
+    });
+    const auto lease = attach(path_, hello_of(Role::viewer), kTimeout);
+    return lease ? std::string("accepted") : lease.error();
+  };
+  Welcome welcome;
+  std::memset(welcome.sentence, 'x', sizeof welcome.sentence);
+  std::memcpy(welcome.sentence, "no\x1b[2J\n\xC2\x9b", 9);
+  const std::string shown = refused_with(welcome);
+  EXPECT_TRUE(shown.starts_with("no?[2J???x")) << shown;
+  EXPECT_EQ(shown.size(), sizeof welcome.sentence - 1);
+  EXPECT_TRUE(contains(refused_with(Welcome{}), "does not say why")) << "no words at all";
+}
+
 }  // namespace
 }  // namespace takt::ipc
