@@ -28,9 +28,11 @@ struct Refusal {
   std::string sentence;
 };
 
-// How a command says on stderr why it ends; both return the exit code.
-int refuse(int exit_code, const std::string& sentences);
+// How a command says on stderr why it ends, and what it noticed. Sentences may hold what others wrote: what a terminal
+// would obey is shown instead (config/printable.hpp).
+int refuse(int exit_code, const std::string& sentences);          // returns exit_code
 int fail(std::string_view command, const std::string& sentence);  // "takt report: ...": kExitFailed
+void note(std::string_view kind, const std::string& sentence);    // "note: ..."
 
 using AddCommand = void (*)(CLI::App& app, int& exit_code);
 

@@ -4,11 +4,14 @@
 #include <algorithm>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
+#include <sstream>
 #include <string>
 #include <vector>
 
 #include "cli/command.hpp"
 #include "cli/mistyped.hpp"
+#include "config/printable.hpp"
 #include "executive/contract/version.hpp"
 
 namespace takt::cli {
@@ -41,17 +44,16 @@ int parse(CLI::App& app, std::vector<std::string> words) {
   const bool asks_for_help = !words.empty() && words.front() == "help";
   words = without_help_verb(std::move(words));
   const auto wrong = mistyped(app, words);
-  if (wrong && asks_for_help) {
-    std::fprintf(stderr, "takt: %s\n", wrong->c_str());
-    return kExitUsage;
-  }
+  if (wrong && asks_for_help) return refuse(kExitUsage, "takt: " + *wrong);
   try {
     std::ranges::reverse(words);  // CLI11 takes them from the back
     app.parse(std::move(words));
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);
-    if (!wrong) return app.exit(error) == 0 ? kExitOk : kExitUsage;
-    std::fprintf(stderr, "takt: %s\n", wrong->c_str());
+    if (wrong) return refuse(kExitUsage, "takt: " + *wrong);
+    std::ostringstream said;  // it repeats words of the command line
+    app.exit(error, said, said);
+    std::fputs(config::printable(said.str()).c_str(), stderr);
     return kExitUsage;
   }
   return kExitOk;
@@ -67,13 +69,16 @@ int after_printing(int exit_code) {
 }  // namespace
 
 int refuse(int exit_code, const std::string& sentences) {
-  std::fprintf(stderr, "%s\n", sentences.c_str());
+  std::fprintf(stderr, "%s\n", config::printable(sentences).c_str());
   return exit_code;
 }
 
 int fail(std::string_view command, const std::string& sentence) {
-  fmt::print(stderr, "{}: {}\n", command, sentence);
-  return kExitFailed;
+  return refuse(kExitFailed, fmt::format("{}: {}", command, sentence));
+}
+
+void note(std::string_view kind, const std::string& sentence) {
+  (void)refuse(kExitOk, fmt::format("{}: {}", kind, sentence));
 }
 
 int run_command_line(std::span<const CommandGroup> groups, int argc, const char* const* argv) {
@@ -89,10 +94,12 @@ int run_command_line(std::span<const CommandGroup> groups, int argc, const char*
   try {
     const int parsed = parse(app, std::vector<std::string>(argv + std::min(argc, 1), argv + argc));
     return after_printing(parsed == kExitOk ? exit_code : parsed);
+  } catch (const std::filesystem::filesystem_error& error) {  // a path that was typed, or stands in a file
+    return refuse(kExitFailed, fmt::format("takt: {}: {}; name another path, or correct this one",
+                                           error.path1().string(), error.code().message()));
   } catch (const std::exception& error) {
     if (std::ferror(stdout) != 0) return after_printing(kExitOk);
-    std::fprintf(stderr, "takt: %s\n", error.what());
-    return kExitInternal;
+    return refuse(kExitInternal, fmt::format("takt: {}", error.what()));
   }
 }
 

@@ -460,10 +460,12 @@ std::expected<std::string, std::string> import_deploy_file(const DeployFile& dep
   for (const std::string& name : names) {
     if (name.empty()) return std::unexpected("a joint has no name; name it in the model");
     if (options.model && find_in_model(options, name) == nullptr)
-      return std::unexpected(fmt::format("the model has no joint `{}`; name its joints as the model does", name));
+      return std::unexpected(
+          fmt::format("the model has no joint `{}`; name its joints as the model does", on_one_line(name)));
   }
   if (!is_identifier(options.robot))
-    return std::unexpected(fmt::format("`{}` is no robot name; use letters, digits, _ and -", options.robot));
+    return std::unexpected(
+        fmt::format("`{}` is no robot name; use letters, digits, _ and -", on_one_line(options.robot)));
   if (options.simulated && !options.model)
     return std::unexpected("a simulated robot needs its model; name its MJCF file");
   if (options.simulated && deploy.tensors)

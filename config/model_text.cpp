@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "config/document.hpp"
+#include "config/robot_text.hpp"
 #include "config/xml_tags.hpp"
 
 namespace takt::config {
@@ -124,7 +125,9 @@ class ModelReader {
 }  // namespace
 
 std::expected<ModelText, std::string> read_model_text(const std::string& path) {
-  return ModelReader(path).read(path);
+  auto model = ModelReader(path).read(path);
+  if (!model) return std::unexpected(on_one_line(model.error()));
+  return model;
 }
 
 std::vector<std::string> model_assets(const ModelText& model) {

@@ -23,6 +23,7 @@ std::expected<std::string, std::string> model_with_whole_paths(const std::string
 #include <algorithm>
 #include <cmath>
 
+#include "config/robot_text.hpp"
 #include "config/units.hpp"
 #include "config/xml_tags.hpp"
 #include "simulation/mujoco_model.hpp"
@@ -188,9 +189,7 @@ void sort_joints(const mjModel& model, mjData& data, int root, config::ModelFact
     facts.remarks.emplace_back("the base is free and nothing of the world collides: in simulation the robot falls");
 }
 
-}  // namespace
-
-std::expected<config::ModelFacts, std::string> survey_model(const std::string& path, const std::string& mesh_path) {
+std::expected<config::ModelFacts, std::string> survey(const std::string& path, const std::string& mesh_path) {
   auto model_text = config::read_model_text(path);
   if (!model_text) return std::unexpected(model_text.error());
   const std::string text = model_text->text;
@@ -213,6 +212,15 @@ std::expected<config::ModelFacts, std::string> survey_model(const std::string& p
         return std::unexpected(fmt::format("{}: {}", path, read.error()));
   if (keyframe >= 0) facts.keyframe = name_of(model, mjOBJ_KEY, keyframe);
   facts.imu_site = imu_site_of(model);
+  return facts;
+}
+
+}  // namespace
+
+std::expected<config::ModelFacts, std::string> survey_model(const std::string& path, const std::string& mesh_path) {
+  auto facts = survey(path, mesh_path);
+  if (!facts) return std::unexpected(config::on_one_line(facts.error()));
+  for (std::string& remark : facts->remarks) remark = config::on_one_line(remark);
   return facts;
 }
 

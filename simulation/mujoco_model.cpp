@@ -12,6 +12,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "config/robot_text.hpp"
 #include "executive/ipc/unix_socket.hpp"
 #include "simulation/bounded_child.hpp"
 #include "simulation/mesh_files.hpp"
@@ -198,8 +199,10 @@ std::expected<LoadedModel, std::string> load_model(const config::ModelText& text
   if (!compiled.is_open())
     return std::unexpected(fmt::format("{}: no memory to read it into: {}", path, ipc::errno_text()));
   const auto done = in_bounded_child([&] { return compile_to(sources, compiled.path()); });
-  if (!done) return std::unexpected(fmt::format("{}: {}", path, config::in_lines_of_files(text, done.error())));
-  if (std::string note = sources.note(); !note.empty()) mended.mended.push_back(std::move(note));
+  if (!done)
+    return std::unexpected(
+        config::on_one_line(fmt::format("{}: {}", path, config::in_lines_of_files(text, done.error()))));
+  if (const std::string note = sources.note(); !note.empty()) mended.mended.push_back(config::on_one_line(note));
   LoadedModel loaded{Model(mj_loadModel(compiled.path().c_str(), nullptr)), std::move(mended.mended)};
   if (!loaded.model) return std::unexpected(path + ": MuJoCo could not keep what it read; is memory full?");
   return loaded;

@@ -169,12 +169,12 @@ std::expected<void, std::string> keep_model_beside(Given& given) {
 
 // A robot file that is not there yet. Returns the exit code; what is wrong was said.
 int write_new(const std::string& path, const std::string& text) {
-  if (fs::exists(path))
+  std::error_code ignored;
+  if (fs::exists(path, ignored))
     return refuse(kExitFailed, fmt::format("{} exists already; choose another -o, or remove it", path));
   std::ofstream file(path);
   file << text;
   if (file.flush()) return kExitOk;
-  std::error_code ignored;
   fs::remove(path, ignored);  // half a robot file would stand in the way of the next try
   return refuse(kExitFailed, fmt::format("{} cannot be written; is its disk full? choose another -o", path));
 }
@@ -212,8 +212,8 @@ int import(Given given) {
   const auto robot = config::import_deploy_file(*deploy, options);
   if (!robot) return refuse(kExitUsage, robot.error());
   if (const int refused = write_new(given.out, *robot); refused != kExitOk) return refused;
-  for (const std::string& note : deploy->notes) fmt::print(stderr, "not carried over: {}\n", note);
-  for (const std::string& remark : remarks) fmt::print(stderr, "note: {}\n", remark);
+  for (const std::string& dropped : deploy->notes) note("not carried over", dropped);
+  for (const std::string& remark : remarks) note("note", remark);
   fmt::print("{}: {} joints, {} observation terms; {} to replace, then: takt config check {}\n", given.out,
              deploy->robot_joint.size(), deploy->terms.size(), unfilled_in(*robot), given.out);
   return kExitOk;
@@ -235,8 +235,8 @@ int make_new(Given given) {
                                              .simulated = given.simulated});
   if (!robot) return refuse(kExitUsage, robot.error());
   if (const int refused = write_new(given.out, *robot); refused != kExitOk) return refused;
-  for (const std::string& remark : model->remarks) fmt::print(stderr, "note: {}\n", remark);
-  if (!model->slides.empty()) fmt::print(stderr, "note: {}\n", slides_text(*model));
+  for (const std::string& remark : model->remarks) note("note", remark);
+  if (!model->slides.empty()) note("note", slides_text(*model));
   fmt::print("{}: {} joints, no policy; {} to replace, then: takt config check {}\n", given.out, model->joints.size(),
              unfilled_in(*robot), given.out);
   return kExitOk;

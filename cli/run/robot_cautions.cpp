@@ -1,8 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <fmt/format.h>
-
-#include <cstdio>
-
+#include "cli/command.hpp"
 #include "cli/run/checked_robot.hpp"
 #include "config/cautions.hpp"
 #include "evidence/attestation/attestation.hpp"
@@ -17,7 +14,7 @@ std::vector<std::string> cautions_of(const config::RobotConfig& robot) {
 }
 
 void tell_cautions(const config::RobotConfig& robot) {
-  for (const std::string& caution : cautions_of(robot)) fmt::print(stderr, "note: {}\n", caution);
+  for (const std::string& caution : cautions_of(robot)) note("note", caution);
 }
 
 }  // namespace takt::cli

@@ -6,6 +6,7 @@
 #include <exception>
 
 #include "config/paths.hpp"
+#include "config/printable.hpp"
 #include "executive/contract/version.hpp"
 #include "executive/ipc/unix_socket.hpp"
 #include "executive/log/program_log.hpp"
@@ -50,7 +51,7 @@ std::atomic<bool>& stop_on_signals() {
 }
 
 int refuse(int exit_code, const std::string& sentence) {
-  std::fprintf(stderr, "%s\n", sentence.c_str());
+  std::fprintf(stderr, "%s\n", config::printable(sentence).c_str());
   return exit_code;
 }
 

@@ -273,6 +273,35 @@ TEST_F(Cli, ConfigCheckWaitsForNoFifo) {
   EXPECT_NE(checked("policy.file", in("p.onnx")).find("p.onnx.data: is not a regular file"), std::string::npos);
 }
 
+// Goal: what a stranger wrote is shown, not obeyed, by every way in which a command says something. Method: an escape
+// sequence in a model's names, which become notes, in a list of ages, which is refused, and in a mistyped word.
+// Threat: file-terminal
+TEST_F(Cli, NothingThatOthersWroteMovesTheCursor) {
+  std::string model{std::istreambuf_iterator<char>(std::ifstream("tests/cli/robots/arm.urdf").rdbuf()), {}};
+  model.insert(model.find("<limit lower=\"-2\""), "<mimic joint=\"elbow\"/>");
+  model.insert(model.find("\"wrist\"") + 1, "\x1b[2J");
+  std::ofstream(in("arm.urdf")) << model;
+  std::ofstream(in("ages")) << "1 2 \x1b[2J 3";
+  for (const std::string& words : {"config new " + in("arm.urdf") + " --simulated -o " + in("arm.yaml"),
+                                   "ages " + in("ages") + " --max-age 100ms", std::string("report . '\x1b[2J'")}) {
+    const Ended ended = Shell::takt(words);
+    EXPECT_EQ(ended.output.find('\x1b'), std::string::npos) << ended.output;
+    EXPECT_NE(ended.output.find("\\x1b[2J"), std::string::npos) << ended.output;
+  }
+}
+
+// Goal: a path that the system refuses is a refusal in one line, and no bug. Method: names longer than a file's may be.
+TEST_F(Cli, APathThatCannotBeIsNoBug) {
+  const std::string longest(300, 'A');
+  for (const std::string& words :
+       {"audit " + longest, "budget " + longest, "config new tests/cli/robots/arm.urdf -o " + in(longest)}) {
+    const Ended ended = Shell::takt(words);
+    EXPECT_EQ(ended.exit_code, 1) << ended.output;
+    EXPECT_EQ(std::ranges::count(ended.output, '\n'), 1) << ended.output;
+    EXPECT_NE(ended.output.find(longest), std::string::npos) << ended.output;
+  }
+}
+
 TEST_F(Cli, ConfigShowPrintsWhatReadsBackToTheSameHash) {
   const Ended shown = run("config show config/arm6.yaml --json");
   ASSERT_EQ(shown.exit_code, 0);

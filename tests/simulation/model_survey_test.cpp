@@ -105,6 +105,23 @@ TEST_F(ModelSurveyTest, ReadsWhatAnUrdfSays) {
   EXPECT_NEAR(facts->joints[0].inertia, 2.01, 1e-6);
 }
 
+// Goal: nothing in a model moves the cursor of who imports it. Method: names with an escape sequence, in a remark and
+// in a refusal.
+TEST_F(ModelSurveyTest, NothingInAModelMovesTheCursor) {
+  const auto named = [](std::string text) {
+    for (std::size_t at = 0; (at = text.find("\"elbow\"", at)) != std::string::npos;) text.insert(at + 1, "\x1b[2J");
+    return text;
+  };
+  const auto facts = survey(named(kFollowing));
+  ASSERT_TRUE(facts) << facts.error();
+  ASSERT_FALSE(facts->remarks.empty());
+  for (const std::string& remark : facts->remarks) EXPECT_EQ(remark.find('\x1b'), std::string::npos) << remark;
+  EXPECT_NE(facts->remarks.front().find("\\x1b[2Jelbow"), std::string::npos) << facts->remarks.front();
+  const auto refused = survey("<mujoco><include file=\"\x1b[2J.xml\"/></mujoco>");
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().find('\x1b'), std::string::npos) << refused.error();
+}
+
 // A tetrahedron, as STL in binary.
 void write_mesh(const std::filesystem::path& path) {
   std::filesystem::create_directories(path.parent_path());
