@@ -14,12 +14,13 @@
 #include "executive/contract/image_sample.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "policy_host/pacing.hpp"
+#include "policy_host/remote/wire_messages.hpp"
 
 namespace takt::policy_host::remote {
 namespace {
 
 constexpr char kProgram[] = "takt-policy-bridge";
-// What is added to observations or to samples crosses as well: dds/policy_types.idl, send() and Server::show().
+// What is added to observations or to samples crosses as well: dds/policy_types.idl, send() and observation_of().
 static_assert(sizeof(Observation) == 64 + 5 * sizeof(Positions) + sizeof(ImuSample));
 static_assert(kMaxJoints == 64 && kMaxSensorValues == 256);
 constexpr Duration kAttachRetry = milliseconds(200);
@@ -33,33 +34,6 @@ GateFacts facts_of(const config::RobotConfig& robot, std::uint64_t policy_hash) 
           .joint_count = static_cast<std::uint32_t>(robot.joints.size()),
           .step_period = robot.policy->step_period,
           .max_age = robot.freshness.max_age};
-}
-
-Answer answer_of(const takt_remote_Command& message, const PeerId& sender) {
-  return {.sender = sender,
-          .server = message.server,
-          .epoch = message.epoch,
-          .config_hash = message.config_hash,
-          .policy_hash = message.policy_hash,
-          .observation_id = message.observation_id,
-          .sequence = message.number,
-          .queued = {message.queued_ns},
-          .inferred = {message.inferred_ns},
-          .older = {message.older_ns},
-          .dropped = message.dropped,
-          .step_period = {message.step_period_ns},
-          .step_count = message.step_count,
-          .joint_count = message.joint_count,
-          .fields = message.fields,
-          .value_count = message.values._length};
-}
-
-// A stranger's, for a log.
-std::string shown(const char* name) {
-  std::string text(name);
-  for (char& c : text)
-    if (c < ' ' || c > '~') c = '?';
-  return text;
 }
 
 }  // namespace
@@ -272,7 +246,7 @@ void Bridge::take(const takt_remote_Command& message, const PeerId& sender) {
   const std::uint64_t changes = choice_.changes();
   if (!choice_.take(sender, now)) return;
   if (choice_.changes() != changes) {
-    const std::string name = shown(message.name);
+    const std::string name = server_name_of(message);
     if (leader_name_.empty())
       spdlog::info("policy server {} answers ({})", name, text_of(sender));
     else
@@ -280,7 +254,7 @@ void Bridge::take(const takt_remote_Command& message, const PeerId& sender) {
     leader_name_ = name;
   }
   if (sender != source_of_session_) {
-    executive_->state_source(fmt::format("policy server {} ({})", shown(message.name), text_of(sender)),
+    executive_->state_source(fmt::format("policy server {} ({})", server_name_of(message), text_of(sender)),
                              gate_.next_sequence());
     source_of_session_ = sender;
   }
@@ -294,14 +268,7 @@ void Bridge::take(const takt_remote_Command& message, const PeerId& sender) {
 }
 
 void Bridge::take(const takt_remote_ServerStatus& message, const PeerId& sender) {
-  silence_.heard({.sender = sender,
-                  .name = shown(message.name),
-                  .has_policy = message.has_policy,
-                  .lacks_samples = message.lacks_samples,
-                  .has_other_files = message.has_other_files,
-                  .epoch = message.epoch,
-                  .shown_age = {message.shown_age_ns},
-                  .heard_at = monotonic_now()});
+  silence_.heard(state_of(message, sender, monotonic_now()));
 }
 
 // Before the robot is stopped for want of commands the reason is there.

@@ -9,9 +9,9 @@
 #include <span>
 #include <utility>
 
-#include "executive/contract/mode.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "policy_host/remote/silence.hpp"
+#include "policy_host/remote/wire_messages.hpp"
 
 namespace takt::policy_host::remote {
 namespace {
@@ -142,14 +142,7 @@ std::uint64_t Server::id_here(const takt_remote_Observation& message) {
 
 void Server::take_observation(const takt_remote_Observation& message, const PeerId& sender) {
   const MonoTime now = monotonic_now();
-  const std::size_t joints = robot_.joints.size();
-  const bool fits = message.q._length == joints && message.dq._length == joints && message.tau._length == joints &&
-                    message.q_setpoint._length == joints && message.dq_of_drive._length == joints &&
-                    (message.imu._length == 0 || message.imu._length == kImuValues);
-  const bool has_sense = message.id != 0 && message.age_ns >= 0 && message.oldest_age_ns >= message.age_ns &&
-                         message.imu_age_ns >= 0 && message.period_ns > 0 && message.mode < kModeCount &&
-                         message.epoch != 0;
-  if (!fits || !has_sense || !is_for_us(message, now) || !is_of_our_bridge(sender, now)) return;
+  if (!is_sound(message, robot_.joints.size()) || !is_for_us(message, now) || !is_of_our_bridge(sender, now)) return;
   if (message.epoch == epoch_ && message.id <= newest_robot_id_) return;  // overtaken on its way
   if (!samples_.pass_on(message, sender, now)) {
     ++incomplete_;
@@ -160,37 +153,16 @@ void Server::take_observation(const takt_remote_Observation& message, const Peer
 }
 
 void Server::show(const takt_remote_Observation& message, MonoTime arrived_at) {
-  const auto before = [arrived_at](std::int64_t age_ns) {
-    return MonoTime{std::max<std::int64_t>(arrived_at.ns - age_ns, 1)};
-  };
-  Observation observation;
+  Observation observation = observation_of(message, arrived_at);
   observation.id = id_here(message);
   newest_id_ = observation.id;
   newest_robot_id_ = message.id;
-  observation.tick = message.tick;
-  observation.published_at = before(message.age_ns);
-  observation.oldest_sensed_at = before(message.oldest_age_ns);
-  observation.period = {message.period_ns};
-  observation.joint_count = message.q._length;
-  observation.mode = message.mode;
   const Sent& followed = sent_[message.following_number % sent_.size()];
   if (message.following_server == number_ && followed.sequence == message.following_number &&
       followed.session == seat_->session()) {
     observation.command_sequence = followed.policy_sequence;
     observation.committed_from = message.committed_from;
     observation.committed_count = message.committed_count;
-  }
-  std::copy_n(message.q._buffer, message.q._length, observation.q.at.begin());
-  std::copy_n(message.dq._buffer, message.q._length, observation.dq.at.begin());
-  std::copy_n(message.tau._buffer, message.q._length, observation.tau.at.begin());
-  std::copy_n(message.q_setpoint._buffer, message.q._length, observation.q_setpoint.at.begin());
-  std::copy_n(message.dq_of_drive._buffer, message.q._length, observation.dq_of_drive.at.begin());
-  if (message.imu_sequence != 0 && message.imu._length == kImuValues) {
-    observation.imu.sequence = message.imu_sequence;
-    observation.imu.sensed_at = before(message.imu_age_ns);
-    std::copy_n(message.imu._buffer, 4, observation.imu.rotation);
-    std::copy_n(message.imu._buffer + 4, 3, observation.imu.angular_velocity);
-    std::copy_n(message.imu._buffer + 7, 3, observation.imu.acceleration);
   }
   arrived_[observation.id % arrived_.size()] = {observation.id, message.epoch, message.id, arrived_at,
                                                 oldest(observation.oldest_sensed_at, samples_.oldest_sensed_at())};
