@@ -1,22 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: no bytes in the command mailbox, whatever their length, and no feedback or request can make the tick misbehave.
-// Method: the input drives a simulated robot tick by tick; messages are taken from it raw, or laid over a sound header
-// so that the fuzzer gets past the first checks. Every output must stay inside the envelope; sanitizers judge the rest.
+// Goal: no bytes in the command mailbox, whatever their length, and no feedback, IMU or request can make the tick
+// misbehave. Method: the input drives a simulated robot tick by tick; messages are taken from it raw, or laid over a
+// sound header so that the fuzzer gets past the first checks. Every output must stay inside the envelope; sanitizers
+// judge the rest.
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
-#include <cstring>
 #include <memory>
-#include <span>
 
 #include "executive/pipeline/control_tick.hpp"
+#include "tests/fuzz/source.hpp"
 
 namespace {
 
 using namespace takt;
 using namespace takt::pipeline;
+using fuzz::require;
+using fuzz::Source;
 
 constexpr std::uint32_t kJoints = 3;
 
@@ -54,32 +55,6 @@ TickConfig fuzzed_robot() {
   return config;
 }
 
-// Bytes of the fuzzer's input, zeros after its end.
-class Source {
- public:
-  explicit Source(std::span<const std::uint8_t> bytes) : left_(bytes) {}
-  [[nodiscard]] bool is_empty() const { return left_.empty(); }
-  std::uint8_t byte() {
-    if (left_.empty()) return 0;
-    const std::uint8_t value = left_.front();
-    left_ = left_.subspan(1);
-    return value;
-  }
-  void copy_to(void* out, std::size_t size) {
-    const std::size_t given = std::min(size, left_.size());
-    std::memset(out, 0, size);
-    if (given != 0) std::memcpy(out, left_.data(), given);
-    left_ = left_.subspan(given);
-  }
-
- private:
-  std::span<const std::uint8_t> left_;
-};
-
-void require(bool holds) {
-  if (!holds) std::abort();
-}
-
 void check(const JointSetpoint& s, const JointLimits& limits) {
   require(std::isfinite(s.q + s.dq + s.kp + s.kd + s.tau));
   require(s.q >= limits.q_min - limits.q_hard_margin && s.q <= limits.q_max + limits.q_hard_margin);
@@ -101,7 +76,10 @@ void check(const TickOutput& output, const TickConfig& config) {
 
 class Session {
  public:
-  explicit Session(Interpolation interpolation) { config_.interpolation = interpolation; }
+  explicit Session(std::uint8_t kind) {
+    config_.interpolation = static_cast<Interpolation>(kind % 3);
+    config_.imu = {(kind & 4U) != 0, milliseconds(50), seconds(1), 1.0F, 1.0F, 6.0F};
+  }
 
   void tick(Source& source) {
     const std::uint8_t what = source.byte();
@@ -110,6 +88,7 @@ class Session {
     input_.operator_request = static_cast<OperatorRequest>(what % kOperatorRequestCount);
     input_.last_damped = (what & 32U) != 0 ? source.byte() : 0;
     feed_back(source, (what & 4U) != 0);
+    if (config_.imu.present) sense_base(source, (what & 64U) != 0);
     input_.policy.mailbox = Arrival::none;
     input_.policy.command = nullptr;
     if ((what & 8U) != 0) give_message(source, (what & 16U) != 0);
@@ -130,6 +109,10 @@ class Session {
       if (wild) feedback.replies = source.byte();
     }
     if (wild) source.copy_to(&input_.buses[0], sizeof(BusHealth));
+  }
+  void sense_base(Source& source, bool wild) {
+    input_.imu = {.sequence = input_.tick, .sensed_at = input_.now, .rotation = {1}, .acceleration = {0, 0, 9.81F}};
+    if (wild) source.copy_to(&input_.imu, sizeof input_.imu);
   }
   void give_message(Source& source, bool behind_a_sound_header) {
     CommandHeader& header = chunk_->header;
@@ -170,7 +153,7 @@ class Session {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   Source source({data, size});
-  Session session(static_cast<Interpolation>(source.byte() % 3));
+  Session session(source.byte());
   for (int i = 0; i < 400 && !source.is_empty(); ++i) session.tick(source);
   return 0;
 }

@@ -2,10 +2,6 @@
 // Any bytes as ticks.mcap: what is damaged is left out and counted, what is whole is decoded; never a crash, and no
 // more memory or time than the bytes can pay for. Each message goes through every decoder, and each schema's text
 // through the relayout that old runs need.
-#include <fcntl.h>
-#include <sys/mman.h>
-#include <unistd.h>
-
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
@@ -18,26 +14,12 @@
 #include "monitor/record/policy_input_message.hpp"
 #include "monitor/record/run_messages.hpp"
 #include "monitor/record/tick_schema.hpp"
+#include "tests/fuzz/refused_with_a_sentence.hpp"
+#include "tests/fuzz/scratch.hpp"
 
 namespace {
 
 using namespace takt::monitor;
-
-std::string scratch_file() {
-  std::string path = "/dev/shm/takt-recording-fuzz-XXXXXX";
-  const int file = ::mkstemp(path.data());
-  if (file < 0) std::abort();
-  ::close(file);
-  static std::string kept = path;
-  std::atexit([] { ::unlink(kept.c_str()); });
-  return path;
-}
-
-void write_file(const std::string& path, std::span<const std::uint8_t> content) {
-  const int file = ::open(path.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC);
-  if (file < 0 || ::write(file, content.data(), content.size()) != static_cast<ssize_t>(content.size())) std::abort();
-  ::close(file);
-}
 
 void decode(std::span<const std::byte> message) {
   static RecordedTick tick;
@@ -65,15 +47,13 @@ void lay_out_anew(std::string_view schema, std::span<const std::byte> message) {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  static const std::string path = scratch_file();
+  static const std::string path = takt::fuzz::scratch_folder() + "/ticks.mcap";
   const std::span content(data, size);
   decode(std::as_bytes(content));
-  write_file(path, content);
+  takt::fuzz::write_file(path, content);
   const auto reader = McapReader::open(path);
-  if (!reader) {
-    if (reader.error().empty()) std::abort();
-    return 0;
-  }
+  takt::fuzz::check_refusal(reader);
+  if (!reader) return 0;
   int left = 64;
   reader->scan([&left](const McapMessage& message) {
     decode(message.data);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "executive/ipc/slot_ring.hpp"
+#include "tests/fuzz/refused_with_a_sentence.hpp"
 
 namespace {
 
@@ -33,10 +34,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   // Pairs of a place and what stands there then.
   for (; size >= 3; data += 3, size -= 3) memory[(data[0] + 256U * data[1]) % bytes] = std::byte{data[2]};
   auto reader = SlotReader::attach(memory, kShape);
-  if (!reader) {
-    if (reader.error().empty()) std::abort();
-    return 0;
-  }
+  takt::fuzz::check_refusal(reader);
+  if (!reader) return 0;
   std::vector<std::byte> out(kShape.payload_capacity / 2);
   for (int i = 0; i < 12; ++i) {
     const ReadResult result = i % 3 == 0 ? reader->read_latest(out) : reader->read_next(i % 3 == 1 ? out : payload);
