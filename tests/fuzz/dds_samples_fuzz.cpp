@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any sample that a DDS neighbour may write, as Cyclone hands it over: answers and observations of a remote policy,
-// requests, and ROS 2's messages for sensors. Nothing is played, shown or done but what belongs to this robot, is
-// whole, and is no younger than it can be; what is refused is refused with a sentence.
+// Any sample that a DDS neighbour may write, as Cyclone hands it over: answers, words and observations of a remote
+// policy, requests, and ROS 2's messages for sensors. Nothing is played, shown or done but what belongs to this robot,
+// is whole, and is no younger than it can be; what is refused is refused with a sentence.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -33,6 +33,7 @@ using fuzz::Source;
 
 constexpr MonoTime kNow{10'000'000'000};
 constexpr std::size_t kJoints = 2;
+constexpr PeerId kServer{{1}}, kRobot{{2}}, kOther{{3}};
 
 // A sequence of idlc's, of values out of the input.
 template <class Value, class Sequence>
@@ -68,7 +69,7 @@ void answer(Source& source) {
     const std::size_t count = source.byte() % 8 == 0 ? source.byte() : std::size_t{3} * kJoints;
     const auto values = fill<float>(message.values, source, count);
     fuzz::require_printable(server_name_of(message));
-    const Answer read = answer_of(message);
+    const Answer read = answer_of(message, kServer);
     const bool finite = std::ranges::all_of(values, [](float value) { return std::isfinite(value); });
     if (gate.judge(read, finite, kNow) != AnswerVerdict::usable) continue;
     require(finite && count == 3 * kJoints * field_count(read.fields) && read.epoch == 7);
@@ -80,6 +81,23 @@ void answer(Source& source) {
     require(header.infer_ended_at <= header.published_at && header.published_at == kNow);
     require(header.outside_sensed_at.is_set() && header.outside_sensed_at <= kNow - milliseconds(20));
     require(gate.judge(read, finite, kNow) == AnswerVerdict::repeated);
+  }
+}
+
+// --- what a server says of itself, and what the robot makes of it ---
+
+void tell_status(Source& source) {
+  Silence silence;
+  while (!source.is_empty()) {
+    takt_remote_ServerStatus message{};
+    source.spoil(message);
+    message.name[sizeof message.name - 1] = '\0';
+    message.has_policy = source.byte() % 2 == 0;
+    message.lacks_samples = source.byte() % 2 == 0;
+    message.has_other_files = source.byte() % 2 == 0;
+    silence.heard(state_of(message, source.byte() % 2 == 0 ? kOther : kServer, kNow));
+    silence.refused(static_cast<AnswerVerdict>(source.byte() % kAnswerVerdictCount));
+    fuzz::require_printable(silence.reason(kServer, 7, source.byte(), milliseconds(150), kNow));
   }
 }
 
@@ -107,7 +125,7 @@ void take_sample(Source& source, FarSamples& samples) {
   message.number = source.byte() % 4;
   const auto values = fill<float>(message.values, source, source.byte() % 5);
   const auto image = fill<std::uint8_t>(message.image, source, source.byte() % 8);
-  samples.take(message);
+  samples.take(message, source.byte() % 4 == 0 ? kOther : kRobot);
 }
 
 void observe(Source& source) {
@@ -135,7 +153,7 @@ void observe(Source& source) {
   require(shown.joint_count == kJoints && shown.period > Duration{});
   require(shown.oldest_sensed_at <= shown.published_at && shown.published_at <= kNow);
   require(shown.oldest_sensed_at.is_set() && shown.imu.sensed_at <= kNow);
-  if (samples.pass_on(message, kNow) && !named.empty())
+  if (samples.pass_on(message, kRobot, kNow) && !named.empty())
     require(samples.oldest_sensed_at().is_set() && samples.oldest_sensed_at() <= kNow);
 }
 
@@ -240,7 +258,7 @@ void take_ros(Source& source) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   Source source({data, size});
-  switch (source.byte() % 4) {
+  switch (source.byte() % 5) {
     case 0:
       answer(source);
       break;
@@ -249,6 +267,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       break;
     case 2:
       request(source);
+      break;
+    case 3:
+      tell_status(source);
       break;
     default:
       take_ros(source);

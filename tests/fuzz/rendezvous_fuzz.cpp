@@ -78,6 +78,8 @@ class Server {
       say(client, message_from(source, sound_hello(role)));
     } else if (role == Role::monitor) {
       say(client, message_from(source, RecorderWord{.through_tick = 7}));
+    } else if (is_policy(role)) {
+      say(client, (what & 1U) != 0 ? std::string(1, '\1') : message_from(source, PolicyWord{}));
     } else {
       say(client, message_from(source, OperatorMessage{.verb = static_cast<OperatorVerb>(what / 16 % 9)}));
     }
@@ -107,6 +109,13 @@ class Server {
                 },
             .acknowledged = [](const Peer& peer) { require(is_policy(peer.hello.role)); },
             .recorded = [](const Peer& peer, std::uint64_t) { require(peer.hello.role == Role::monitor); },
+            .said =
+                [this](const Peer& peer, const PolicyWord& word) {
+                  require(is_policy(peer.hello.role) && word.role == peer.hello.role);
+                  require(static_cast<std::size_t>(word.kind) < kPolicyWordKindCount);
+                  fuzz::require_printable(text_of(word.sentence));
+                  server_.pass_on(word);
+                },
             .left = [this](const Peer&) { require(leases_-- > 0); },
             .request =
                 [](const Peer& peer, const OperatorMessage& message) {
@@ -133,7 +142,7 @@ class Server {
     while (true) {
       const Received received = receive_message(client.get(), said.bytes, MSG_DONTWAIT);
       if (received.size <= 0) return;
-      if (received.size == sizeof said.reply) continue;
+      if (received.size == sizeof said.reply || received.size == sizeof(PolicyWord)) continue;
       require(received.size == sizeof said.welcome && said.welcome.magic == kMagic);
       require(received.descriptors.size() == said.welcome.descriptor_count);
       if (said.welcome.status == WelcomeStatus::refused)
