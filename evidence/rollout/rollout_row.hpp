@@ -18,6 +18,7 @@
 #include "config/chunk_score.hpp"
 #include "executive/contract/intervention.hpp"
 #include "executive/contract/mode.hpp"
+#include "monitor/judge/fault_classifier.hpp"
 
 namespace takt::panel {
 
@@ -87,7 +88,8 @@ struct RolloutRow {
   std::optional<double>
       recovery_s;             // end of perturbation -> back in tracking; empty: nothing to recover from, or never
   std::string leading_fault;  // the classifier's costliest verdict; empty: it had no reason for one
-  std::uint64_t fault_verdicts = 0;                     // stretches of trouble
+  std::uint64_t fault_verdicts = 0;  // of stretches of trouble, one for each cause
+  std::array<std::optional<double>, monitor::kFaultCount> fault_shares{};  // of troubled ticks; empty: an earlier row
   std::array<double, kChunkScoreCount> chunk_levels{};  // monitor/judge/chunk_monitors.hpp; 0: no answer was watched
   std::uint64_t catch_votes = 0, catch_of = 0;          // answers: the rule behind levels and catches
   std::uint64_t catches = 0;                            // of the chunk monitors

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <string_view>
 
@@ -19,6 +20,9 @@ namespace takt::panel {
 namespace {
 
 constexpr std::size_t kIdDigits = 12;
+// Of row schemas that lack only fields that were added since.
+constexpr std::array<std::string_view, 1> kEarlierSchemas{
+    "d458d1ff4aa9854b6d3dcda5edb248bd138b25fcd8a8512b58f172fedf35a955"};
 
 // Rows of `text`, which ends with a line end.
 std::expected<std::vector<RolloutRow>, std::string> rows_of(std::string_view text) {
@@ -101,7 +105,8 @@ std::expected<Artifact, std::string> open_artifact(const std::string& path) {
   const ArtifactFolder folder(path);
   auto manifest = folder.read_manifest();
   if (!manifest) return std::unexpected(manifest.error());
-  if (manifest->schema_sha256 != rollout_schema_sha256()) {
+  if (manifest->schema_sha256 != rollout_schema_sha256() &&
+      std::ranges::find(kEarlierSchemas, manifest->schema_sha256) == kEarlierSchemas.end()) {
     return std::unexpected(
         fmt::format("{} was written with another row schema; read it with takt {}", path, manifest->script_version));
   }

@@ -128,6 +128,16 @@ std::string inconsistency(const char* name, const MissRow& misses) {
   return {};
 }
 
+std::string inconsistency_of_shares(const RolloutRow& row) {
+  const auto there = std::ranges::count_if(row.fault_shares, [](const auto& share) { return share.has_value(); });
+  if (there == 0) return {};
+  if (there != monitor::kFaultCount) return fmt::format("has {} of {} faults.shares", there, monitor::kFaultCount);
+  double sum = 0;
+  for (const auto& share : row.fault_shares) sum += *share;
+  const double wanted = row.fault_verdicts == 0 ? 0 : 1;
+  return std::abs(sum - wanted) <= kRounding ? "" : fmt::format("faults.shares add up to {}, not to {}", sum, wanted);
+}
+
 std::string inconsistency(const RolloutRow& row) {
   if (row.success && !row.failure_label.empty()) return "failure_label is set on a success";
   if (!row.success && row.failure_label.empty()) return "failure_label is empty on a failure";
@@ -136,6 +146,7 @@ std::string inconsistency(const RolloutRow& row) {
   if (row.leading_fault.empty() != (row.fault_verdicts == 0)) {
     return fmt::format("faults.leading is \"{}\" with {} verdicts", row.leading_fault, row.fault_verdicts);
   }
+  if (std::string reason = inconsistency_of_shares(row); !reason.empty()) return reason;
   for (const auto& [name, misses] :
        {std::pair{"misses_per_command", row.misses_per_command}, std::pair{"misses_per_tick", row.misses_per_tick}})
     if (std::string reason = inconsistency(name, misses); !reason.empty()) return reason;

@@ -50,7 +50,17 @@ void add_outcome(Fields& fields) {
   fields.push_back({"monitor_state.cause", "", "cause of the last transition", at(&RolloutRow::final_cause)});
   add_text(fields, "faults.leading", &RolloutRow::leading_fault, TextFormat::fault,
            "costliest verdict of the fault classifier, stops first; empty exactly without any trouble");
-  fields.push_back({"faults.verdicts", "1", "stretches of trouble, one verdict each", at(&RolloutRow::fault_verdicts)});
+  fields.push_back({"faults.verdicts", "1", "verdicts on stretches of trouble, one for each cause of a stretch",
+                    at(&RolloutRow::fault_verdicts)});
+  for (std::size_t fault = 0; fault < monitor::kFaultCount; ++fault) {
+    fields.push_back({"faults.shares." + std::string(monitor::kFaultNames[fault]),
+                      "1",
+                      "share of the troubled ticks that this verdict explains; 0 without any",
+                      [fault](RolloutRow& row) -> FieldPlace { return &row.fault_shares[fault]; },
+                      {},
+                      kShare,
+                      true});
+  }
   for (std::size_t score = 0; score < kChunkScoreCount; ++score) {
     fields.push_back({"chunk_levels." + std::string(kChunkScoreNames[score]),
                       "1",
@@ -221,6 +231,13 @@ const std::vector<RolloutField>& rollout_fields() {
 
 FieldPlace place_in(const RolloutField& field, const RolloutRow& row) {
   return field.place(const_cast<RolloutRow&>(row));  // one table serves reading and writing; callers here only read
+}
+
+bool is_lacking(const RolloutField& field, const RolloutRow& row) {
+  if (!field.is_added) return false;
+  const FieldPlace place = place_in(field, row);
+  const auto* const* number = std::get_if<std::optional<double>*>(&place);
+  return number != nullptr && !(*number)->has_value();
 }
 
 std::string_view type_name(const FieldPlace& place) {

@@ -50,6 +50,7 @@ struct RolloutField {
   std::function<FieldPlace(RolloutRow&)> place;
   TextFormat format = TextFormat::token;  // of texts
   Range range = {};                       // of numbers
+  bool is_added = false;                  // rows of earlier programs lack it
   [[nodiscard]] bool is_host() const { return name.starts_with("host."); }
 };
 
@@ -57,6 +58,9 @@ struct RolloutField {
 const std::vector<RolloutField>& rollout_fields();
 // Where the field lies in a row that is only read.
 FieldPlace place_in(const RolloutField& field, const RolloutRow& row);
+
+// An added field of a row that an earlier program wrote.
+bool is_lacking(const RolloutField& field, const RolloutRow& row);
 
 bool matches(TextFormat format, std::string_view text);
 // The same rule as an ECMA 262 regular expression, for the JSON Schema.

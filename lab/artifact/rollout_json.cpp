@@ -124,7 +124,7 @@ std::expected<std::string, std::string> row_text(const RolloutRow& row, HostFiel
   if (auto checked = check(row); !checked) return std::unexpected(checked.error());
   Json json;
   for (const RolloutField& field : rollout_fields()) {
-    if (field.is_host() && host == HostFields::left_out) continue;
+    if ((field.is_host() && host == HostFields::left_out) || is_lacking(field, row)) continue;
     Json* value = &json;
     for (const std::string& step : path_of(field)) value = &(*value)[step];
     *value = std::visit(ToJson{}, place_in(field, row));
@@ -144,6 +144,7 @@ std::expected<RolloutRow, std::string> row_of(std::string_view line) {
   RolloutRow row;
   for (const RolloutField& field : rollout_fields()) {
     const Json* value = find(*json, path_of(field));
+    if (value == nullptr && field.is_added) continue;
     if (value == nullptr) return std::unexpected(fmt::format("{} is missing", field.name));
     const FieldPlace place = field.place(row);
     if (!std::visit(FromJson{*value}, place)) {

@@ -36,6 +36,8 @@ std::string rollouts_parquet(std::span<const RolloutRow> rows, const std::string
   ParquetRowGroup columns;
   const RolloutRow sample;
   for (const RolloutField& field : rollout_fields()) {
+    if (!rows.empty() && std::ranges::all_of(rows, [&](const RolloutRow& row) { return is_lacking(field, row); }))
+      continue;
     std::string column_name = field.name;
     std::ranges::replace(column_name, '.', '_');
     const FieldPlace place = place_in(field, sample);

@@ -49,13 +49,13 @@ Json empty_object() {
 }
 
 // The schema of the object that holds `name`'s last step, made on the way.
-Json& holder_of(Json& schema, std::string& name) {
+Json& holder_of(Json& schema, std::string& name, bool is_added) {
   Json* object = &schema;
   for (std::size_t dot = name.find('.'); dot != std::string::npos; dot = name.find('.')) {
     const std::string step = name.substr(0, dot);
     name.erase(0, dot + 1);
     if (!(*object)["properties"].contains(step)) {
-      (*object)["required"].push_back(step);
+      if (!is_added) (*object)["required"].push_back(step);
       (*object)["properties"][step] = empty_object();
     }
     object = &(*object)["properties"][step];
@@ -70,10 +70,10 @@ std::string rollout_schema() {
   const RolloutRow row;
   for (const RolloutField& field : rollout_fields()) {
     std::string step = field.name;
-    Json& holder = holder_of(schema, step);
+    Json& holder = holder_of(schema, step, field.is_added);
     Json property = std::visit(ToSchema{field}, place_in(field, row));
     property["description"] = field.unit.empty() ? field.meaning : field.meaning + " [" + field.unit + "]";
-    holder["required"].push_back(step);
+    if (!field.is_added) holder["required"].push_back(step);
     holder["properties"][step] = std::move(property);
   }
   Json head{{"$schema", "https://json-schema.org/draft/2020-12/schema"},

@@ -285,6 +285,8 @@ RanRollout Contest::conclude(RolloutRow row, RolloutWatch& watch, const std::str
   const monitor::FaultSummary faults = watch.classifier_.finish();
   row.leading_fault = leading_fault(faults);
   row.fault_verdicts = faults.total();
+  for (std::size_t fault = 0; fault < monitor::kFaultCount; ++fault)
+    row.fault_shares[fault] = faults.share(static_cast<monitor::Fault>(fault));
   row.chunk_levels = watch.monitors_.levels();
   row.catch_votes = static_cast<std::uint64_t>(watch.monitors_.rule().votes);
   row.catch_of = static_cast<std::uint64_t>(watch.monitors_.rule().of);

@@ -11,6 +11,7 @@ constexpr Duration kQuiet = milliseconds(100);      // ends a stretch of trouble
 constexpr Duration kPatience = milliseconds(1000);  // for the command that may explain it
 constexpr std::size_t kRememberedObservations = 4096;
 constexpr std::size_t kEnoughCommands = 20;
+constexpr int kOldPeriods = 5;  // feedback of a joint that was not heard for so many is old
 
 bool relied_on_policy(Mode mode) {
   return mode == Mode::tracking || mode == Mode::degraded;
@@ -93,6 +94,12 @@ bool is_refused_for_content(Arrival arrival) {
   return false;
 }
 
+bool repeats_values(const ImuSample& imu, const ImuSample& before) {
+  return imu.sequence != before.sequence && before.sequence != 0 && std::ranges::equal(imu.rotation, before.rotation) &&
+         std::ranges::equal(imu.angular_velocity, before.angular_velocity) &&
+         std::ranges::equal(imu.acceleration, before.acceleration);
+}
+
 bool enters_trouble(const TickRecordHeader& header) {
   if (header.mode == header.previous_mode || is_wish(header.cause)) return false;
   return header.mode == Mode::degraded || header.mode == Mode::damped_stop || header.mode == Mode::fault_latched;
@@ -100,6 +107,16 @@ bool enters_trouble(const TickRecordHeader& header) {
 
 std::array<Duration, 4> array_of(const AgeParts& parts) {
   return {parts.sense, parts.queue, parts.infer, parts.publish};
+}
+
+void merge_neighbours(std::vector<FaultEvidence>& segments) {
+  std::size_t kept = 0;
+  for (std::size_t at = 0; at < segments.size(); at += 2, ++kept) {
+    FaultEvidence merged = std::move(segments[at]);
+    if (at + 1 < segments.size()) merged.take(segments[at + 1]);
+    segments[kept] = std::move(merged);
+  }
+  segments.resize(kept);
 }
 
 Duration median(std::vector<std::int64_t> samples) {
@@ -121,13 +138,29 @@ std::uint64_t FaultSummary::total() const {
   return std::accumulate(counts.begin(), counts.end(), std::uint64_t{0});
 }
 
+double FaultSummary::share(Fault fault) const {
+  std::uint64_t all = 0;
+  for (const FaultCost& cost : costs) all += cost.troubled_ticks;
+  if (all == 0) return 0;
+  return static_cast<double>(costs[static_cast<std::size_t>(fault)].troubled_ticks) / static_cast<double>(all);
+}
+
 void FaultEvidence::take(const FaultClue& clue) {
   if (clue.is_trouble) {
     last_tick = clue.tick;
     last_trouble = clue.now;
     gravity = std::max(gravity, clue.gravity);
   }
+  if (at.is_set()) {
+    ++troubled_ticks;
+  } else if (clue.is_trouble) {
+    at = clue.now;
+    first_tick = clue.tick;
+    ++troubled_ticks;
+  }
+  troubled_ticks += at.is_set() ? clue.skipped : 0;
   missed_ticks += clue.is_miss ? 1 : 0;
+  clamped_ticks += clue.target_clamped ? 1 : 0;
   has_miss = has_miss || clue.is_miss || clue.arrival == Arrival::expired_observation;
   worst_lateness = std::max(worst_lateness, clue.lateness);
   skipped += clue.skipped;
@@ -146,6 +179,9 @@ void FaultEvidence::take(const FaultClue& clue) {
     feedback_age = clue.feedback_age;
     feedback_joint = clue.feedback_joint;
   }
+  old_ticks += clue.is_old ? 1 : 0;
+  old_replied_ticks += clue.is_old_and_replied ? 1 : 0;
+  imu_repeats += clue.imu_repeated ? 1 : 0;
   replies += clue.replies;
   replies_due += clue.replies_due;
   bus_was_bad = bus_was_bad || clue.bus_is_bad;
@@ -153,6 +189,62 @@ void FaultEvidence::take(const FaultClue& clue) {
   imu_lost = imu_lost || clue.cause == Cause::imu_lost;
   other_session = other_session || clue.is_other_session;
   if (is_drive_or_bus(clue.cause) && fault_cause == Cause::none) fault_cause = clue.cause;
+}
+
+void FaultEvidence::take(const FaultEvidence& other) {
+  if (other.at.is_set() && (!at.is_set() || other.at < at)) {
+    at = other.at;
+    first_tick = other.first_tick;
+  }
+  last_tick = std::max(last_tick, other.last_tick);
+  last_trouble = std::max(last_trouble, other.last_trouble);
+  troubled_ticks += other.troubled_ticks;
+  has_miss = has_miss || other.has_miss;
+  command_came = command_came || other.command_came;
+  gravity = std::max(gravity, other.gravity);
+  for (std::size_t part = 0; part < worst_parts.size(); ++part)
+    worst_parts[part] = std::max(worst_parts[part], other.worst_parts[part]);
+  worst_lateness = std::max(worst_lateness, other.worst_lateness);
+  if (overruns == 0) overrun = other.overrun;
+  overruns += other.overruns;
+  skipped += other.skipped;
+  slept_ms = std::max(slept_ms, other.slept_ms);
+  for (const auto& [arrival, count] : other.refusals) refusals[arrival] += count;
+  ran_backwards += other.ran_backwards;
+  if (other.feedback_age > feedback_age) {
+    feedback_age = other.feedback_age;
+    feedback_joint = other.feedback_joint;
+  }
+  old_ticks += other.old_ticks;
+  old_replied_ticks += other.old_replied_ticks;
+  imu_repeats += other.imu_repeats;
+  replies += other.replies;
+  replies_due += other.replies_due;
+  bus_was_bad = bus_was_bad || other.bus_was_bad;
+  if (fault_cause == Cause::none) fault_cause = other.fault_cause;
+  bad_commands = bad_commands || other.bad_commands;
+  imu_lost = imu_lost || other.imu_lost;
+  other_session = other_session || other.other_session;
+  missed_ticks += other.missed_ticks;
+  clamped_ticks += other.clamped_ticks;
+  silence = std::max(silence, other.silence);
+  sense_before = std::max(sense_before, other.sense_before);
+}
+
+// What a tick cost is recorded in the next one, which belongs to the same segment therefore. A stop ends what could be
+// told apart.
+void FaultStretch::take(const FaultClue& clue) {
+  whole.take(clue);
+  if (has_ended_segment && clue.overrun == OverrunCause::none) {
+    if (segments.size() == kMostSegments) merge_neighbours(segments);
+    segments.emplace_back();
+    segments.back().sense_before = sense;
+    has_ended_segment = false;
+  }
+  segments.back().take(clue);
+  if (!clue.command_parts) return;
+  sense = clue.command_parts->sense;
+  has_ended_segment = segments.back().gravity != Gravity::stopped;
 }
 
 std::optional<AgeParts> FaultClassifier::parts_of_arrival(const TickRecordHeader& header) const {
@@ -189,19 +281,26 @@ FaultClue FaultClassifier::clue_of(const TickRecord& record) {
   clue.now = header.now;
   clue.lateness = header.lateness;
   MonoTime oldest = header.now;
+  bool oldest_replied = false;
   replies_before_.resize(header.joint_count);
   for (std::size_t joint = 0; joint < header.joint_count; ++joint) {
     const JointFeedback& feedback = record.joints[joint].feedback;
+    const auto came = static_cast<std::uint8_t>(feedback.replies - replies_before_[joint]);
     if (feedback.received_at.is_set() && feedback.received_at < oldest) {
       oldest = feedback.received_at;
       clue.feedback_joint = joint;
+      oldest_replied = came != 0;
     }
-    clue.replies += static_cast<std::uint8_t>(feedback.replies - replies_before_[joint]);
+    clue.replies += came;
+    clue.target_clamped |= (record.joints[joint].interventions & bit(Intervention::target_range)) != 0;
     replies_before_[joint] = feedback.replies;
   }
   clue.feedback_age = header.now - oldest;
+  clue.is_old = clue.feedback_age > rules_.period * kOldPeriods;
+  clue.is_old_and_replied = clue.is_old && oldest_replied;
   clue.replies_due = header.joint_count;
   if (before_) {
+    clue.imu_repeated = repeats_values(header.imu, before_->imu);
     clue.skipped = header.skipped_periods - before_->skipped_periods;
     clue.ran_backwards = header.integration_errors - before_->integration_errors;
     clue.is_other_session = header.policy_session != before_->policy_session && before_->policy_session != 0;
@@ -219,14 +318,15 @@ FaultClue FaultClassifier::clue_of(const TickRecord& record) {
   if (header.mode != header.previous_mode) clue.cause = header.cause;
   clue.command_before = last_command_;
   const bool relied = relied_on_policy(header.previous_mode);
+  clue.target_clamped = clue.target_clamped && relied && header.player == Player::policy;
   clue.is_miss = relied && !is_usable(header.freshness);
   const bool refused = is_refused_for_age(header.arrival) || is_refused_for_content(header.arrival);
   const bool lost_period = clue.overrun != OverrunCause::none || clue.skipped != 0;
-  clue.is_trouble =
-      enters_trouble(header) || (relied && (clue.is_miss || refused || lost_period || clue.ran_backwards != 0));
+  const bool is_wrong = refused || clue.ran_backwards != 0 || clue.target_clamped;
+  clue.is_trouble = enters_trouble(header) || (relied && (clue.is_miss || is_wrong || lost_period));
   if (enters_trouble(header) && header.mode != Mode::degraded) {
     clue.gravity = Gravity::stopped;
-  } else if (enters_trouble(header) || clue.is_miss || refused || clue.ran_backwards != 0) {
+  } else if (enters_trouble(header) || clue.is_miss || is_wrong) {
     clue.gravity = Gravity::missed;
   }
   remember_observation(record, oldest);
@@ -244,28 +344,46 @@ void FaultClassifier::note_baseline(const FaultClue& clue) {
   if (!open_) calm_feedback_.push_back(clue.feedback_age.ns);
 }
 
-void FaultClassifier::follow(const FaultClue& clue) {
-  if (open_) {
-    open_->take(clue);
-    const Duration quiet = clue.now - open_->last_trouble;
-    if (quiet >= kQuiet && (open_->command_came || quiet >= kPatience)) {
-      closed_.push_back(std::move(*open_));
-      open_.reset();
-      recent_.clear();
-    }
-  } else if (clue.is_trouble) {
-    open_.emplace();
-    open_->first_tick = clue.tick;
-    open_->at = clue.now;
-    for (const FaultClue& earlier : recent_) open_->take(earlier);
-    open_->command_came = false;  // one that came before explains nothing yet
-    open_->take(clue);
+void FaultClassifier::open(const FaultClue& clue) {
+  FaultStretch& stretch = open_.emplace();
+  for (const FaultClue& earlier : recent_) {
+    stretch.whole.take(earlier);
+    stretch.segments.back().take(earlier);
   }
+  stretch.whole.command_came = false;  // one that came before explains nothing yet
+  stretch.take(clue);
+}
+
+void FaultClassifier::follow(const FaultClue& clue) {
+  if (!open_) {
+    if (clue.is_trouble) open(clue);
+    return;
+  }
+  open_->take(clue);
+  const Duration quiet = clue.now - open_->whole.last_trouble;
+  if (quiet >= kQuiet && (open_->whole.command_came || quiet >= kPatience)) {
+    closed_.push_back(std::move(*open_));
+    open_.reset();
+    recent_.clear();
+  }
+}
+
+// Until the robot relies on the policy again.
+void FaultClassifier::note_standstill(const TickRecordHeader& header) {
+  if (relied_on_policy(header.mode)) is_standing_ = false;
+  if (!is_standing_) return;
+  std::vector<FaultEvidence>& segments = (open_ ? *open_ : closed_.back()).segments;
+  const auto stopped = std::find_if(segments.rbegin(), segments.rend(),
+                                    [](const FaultEvidence& segment) { return segment.gravity == Gravity::stopped; });
+  const bool counts_itself = open_ && stopped == segments.rbegin();
+  if (stopped != segments.rend() && !counts_itself) ++stopped->troubled_ticks;
 }
 
 void FaultClassifier::tick(const TickRecord& record) {
   const FaultClue clue = clue_of(record);
+  note_standstill(record.header);
   follow(clue);
+  is_standing_ = is_standing_ || (clue.is_trouble && clue.gravity == Gravity::stopped);
   note_baseline(clue);
   if (!open_) recent_.push_back(clue);
   while (!recent_.empty() && clue.now - recent_.front().now > rules_.max_age) recent_.pop_front();
@@ -287,14 +405,16 @@ FaultSummary FaultClassifier::finish() {
   open_.reset();
   const FaultBaseline usual = baseline();
   FaultSummary summary;
-  for (const FaultEvidence& evidence : closed_) {
-    FaultVerdict verdict = judge(evidence, usual, rules_);
-    ++summary.counts[static_cast<std::size_t>(verdict.fault)];
-    FaultCost& cost = summary.costs[static_cast<std::size_t>(verdict.fault)];
-    ++cost.stretches;
-    cost.missed_ticks += verdict.missed_ticks;
-    cost.stops += verdict.gravity == Gravity::stopped ? 1 : 0;
-    summary.verdicts.push_back(std::move(verdict));
+  for (const FaultStretch& stretch : closed_) {
+    for (FaultVerdict& verdict : judge(stretch, usual, rules_)) {
+      ++summary.counts[static_cast<std::size_t>(verdict.fault)];
+      FaultCost& cost = summary.costs[static_cast<std::size_t>(verdict.fault)];
+      ++cost.stretches;
+      cost.missed_ticks += verdict.missed_ticks;
+      cost.troubled_ticks += verdict.troubled_ticks;
+      cost.stops += verdict.gravity == Gravity::stopped ? 1 : 0;
+      summary.verdicts.push_back(std::move(verdict));
+    }
   }
   if (summary.verdicts.size() > kListedVerdicts) {
     summary.verdicts = by_gravity(std::move(summary.verdicts));

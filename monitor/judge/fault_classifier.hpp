@@ -7,13 +7,22 @@
 // without another one; if no command came until then, with the next command or after one second. Its evidence also
 // takes in max_age before it began, because what made a command late happened before it was late.
 //
+// A stretch may have several causes. It is read in segments, each up to the next command that is accepted or refused
+// for its age, and the rules judge each segment that holds trouble. A lost period counts beside a late command or a
+// refused one. A segment that no rule explains goes with the one before it. Causes with less than a twentieth of the
+// stretch's troubled ticks and without a stop are left out.
+//
+// A troubled tick lies between a segment's first trouble and its end; standing after a stop counts for the stop's
+// cause.
+//
 // The rules, in order; the first that holds gives the verdict. "Stands out" means: more above its median over the run's
 // untroubled commands than a fifth of max_age, and more than any other part.
 //   0 the computer was suspended                                           platform_stall
-//   1 feedback_lost while the loop itself stood still                      as 5
-//     feedback_lost while at least half of the replies came                 estimator_lag
+//   1 feedback_lost, or a drive that missed its commands, while the loop itself stood still as 5
+//     feedback_lost while replies of the oldest joint came and left it old  estimator_lag
 //     a drive or bus cause; a bus not up                                    actuator_or_bus_fault
-//   2 a command refused for its content or order, bad_commands, stamps that ran backwards controller_integration_error
+//   2 a command refused for its content or order, bad_commands, stamps that ran backwards, a target out of its joint's
+//     range                                                                 controller_integration_error
 //   3 imu_lost                                                             sensor_backlog
 //   4 tau_infer stands out                                                  inference_stall
 //     tau_queue stands out                                                  middleware_queue_growth
@@ -25,7 +34,8 @@
 //   6 no command came for more than max_age, or commands come from another
 //     session of the policy than before                                    inference_stall
 //   7 more than a tenth of the drives' replies did not come                 actuator_or_bus_fault
-//   8 otherwise                                                             unknown
+//   8 the IMU repeated its values under fresh stamps                       sensor_backlog
+//   9 otherwise                                                             unknown
 // What it cannot see: a frozen camera under fresh stamps, replies late on the wire but stamped when they came.
 #pragma once
 
@@ -83,13 +93,14 @@ struct FaultVerdict {
   Gravity gravity = Gravity::missed;
   Duration lateness{};             // the latest wake-up
   std::uint64_t missed_ticks = 0;  // that relied on the policy and had no usable command
+  std::uint64_t troubled_ticks = 0;
 };
 // The gravest comes first; among equals the oldest.
 std::vector<FaultVerdict> by_gravity(std::vector<FaultVerdict> verdicts);
 
 // What stretches with one verdict came to. Ordered by what hurts: a stop before any number of missed ticks.
 struct FaultCost {
-  std::uint64_t stops = 0, missed_ticks = 0, stretches = 0;
+  std::uint64_t stops = 0, missed_ticks = 0, troubled_ticks = 0, stretches = 0;
   friend auto operator<=>(const FaultCost&, const FaultCost&) = default;
 };
 
@@ -98,8 +109,10 @@ struct FaultSummary {
   std::array<FaultCost, kFaultCount> costs{};
   std::vector<FaultVerdict> verdicts;  // the gravest kListedVerdicts, oldest first
   [[nodiscard]] std::uint64_t total() const;
+  [[nodiscard]] double share(Fault fault) const;  // of all causes' troubled ticks; 0..1
 };
 inline constexpr std::size_t kListedVerdicts = 1000;
+inline constexpr double kTellingShare = 0.05;  // a cause with less is not told apart from the others
 
 struct FaultRules {
   Duration max_age;
@@ -124,16 +137,18 @@ struct FaultClue {
   Duration feedback_age;                  // of the oldest joint
   std::size_t feedback_joint = 0;
   std::uint64_t replies = 0, replies_due = 0;
-  bool bus_is_bad = false;
+  bool is_old = false, is_old_and_replied = false;  // the oldest joint
+  bool bus_is_bad = false, target_clamped = false, imu_repeated = false;
   Cause cause = Cause::none;      // of a transition
   bool is_other_session = false;  // of the policy, than at the tick before
   MonoTime command_before;        // when the newest command before this tick came; unset: none did
 };
 
-// What a stretch of trouble holds, gathered from its clues.
+// What a stretch of trouble, or a segment of it, holds, gathered from its clues.
 struct FaultEvidence {
   std::uint64_t first_tick = 0, last_tick = 0;
-  MonoTime at, last_trouble;
+  MonoTime at, last_trouble;  // unset: no trouble
+  std::uint64_t troubled_ticks = 0;
   bool has_miss = false, command_came = false;
   Gravity gravity = Gravity::late;
   std::array<Duration, 4> worst_parts{};  // sense, queue, infer, publish: the largest of each
@@ -146,13 +161,26 @@ struct FaultEvidence {
   Duration feedback_age;
   std::size_t feedback_joint = 0;
   std::uint64_t replies = 0, replies_due = 0;
+  std::uint64_t old_ticks = 0, old_replied_ticks = 0;  // with an old joint; of them, in which it replied
+  std::uint64_t imu_repeats = 0;                       // samples
   bool bus_was_bad = false;
   Cause fault_cause = Cause::none;  // drive or bus cause of a transition
   bool bad_commands = false, imu_lost = false, other_session = false;
-  std::uint64_t missed_ticks = 0;
-  Duration silence;  // longest time without a command
+  std::uint64_t missed_ticks = 0, clamped_ticks = 0;
+  Duration silence;       // longest time without a command
+  Duration sense_before;  // tau_sense of the command before the segment
+  void take(const FaultClue& clue);
+  void take(const FaultEvidence& other);
+};
+
+struct FaultStretch {
+  FaultEvidence whole;
+  std::vector<FaultEvidence> segments{1};  // in order; neighbours are merged when there are kMostSegments
+  bool has_ended_segment = false;          // by the tick before
+  Duration sense;                          // tau_sense of the newest command
   void take(const FaultClue& clue);
 };
+inline constexpr std::size_t kMostSegments = 512;
 
 struct FaultBaseline {
   std::array<Duration, 4> parts{};  // medians: sense, queue, infer, publish
@@ -161,6 +189,8 @@ struct FaultBaseline {
 
 // The rules, pure.
 FaultVerdict judge(const FaultEvidence& evidence, const FaultBaseline& baseline, const FaultRules& rules);
+// One verdict for each cause.
+std::vector<FaultVerdict> judge(const FaultStretch& stretch, const FaultBaseline& baseline, const FaultRules& rules);
 
 // Reads ticks in order, each command (optional, but without it commands refused for their age have no parts) before the
 // tick that read it. Memory: two words per command and tick. Thread rule: one thread at a time.
@@ -180,6 +210,8 @@ class FaultClassifier {
   [[nodiscard]] std::optional<AgeParts> parts_of_arrival(const TickRecordHeader& header) const;
   void remember_observation(const TickRecord& record, MonoTime oldest_feedback);
   void follow(const FaultClue& clue);
+  void open(const FaultClue& clue);
+  void note_standstill(const TickRecordHeader& header);
   void note_baseline(const FaultClue& clue);
   [[nodiscard]] FaultBaseline baseline() const;
 
@@ -190,8 +222,9 @@ class FaultClassifier {
   std::vector<std::uint8_t> replies_before_;
   MonoTime last_command_;
   std::deque<FaultClue> recent_;  // the last max_age, while nothing is open
-  std::optional<FaultEvidence> open_;
-  std::vector<FaultEvidence> closed_;
+  std::optional<FaultStretch> open_;
+  std::vector<FaultStretch> closed_;
+  bool is_standing_ = false;  // after a stop by a fault
   std::array<std::vector<std::int64_t>, 4> calm_parts_, all_parts_;
   std::vector<std::int64_t> calm_feedback_;
 };

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <string_view>
 
 #include "executive/incident/log_hint.hpp"
@@ -15,6 +16,9 @@ constexpr std::array<std::string_view, 4> kParts{"tau_sense", "tau_queue", "tau_
 enum Part : std::size_t { sense, queue, infer, publish };
 
 using Judged = std::optional<FaultVerdict>;
+
+constexpr Duration kStandstill = milliseconds(20);  // of the loop: a drive may stop for want of commands
+constexpr std::uint64_t kFrozenSamples = 5;
 
 Duration half(Duration duration) {
   return {duration.ns / 2};
@@ -33,7 +37,8 @@ struct Case {
             .sentence = fmt::format("{}: {}", name(fault), why),
             .gravity = evidence.gravity,
             .lateness = evidence.worst_lateness,
-            .missed_ticks = evidence.missed_ticks};
+            .missed_ticks = evidence.missed_ticks,
+            .troubled_ticks = evidence.troubled_ticks};
   }
   [[nodiscard]] Duration excess(Part part) const { return evidence.worst_parts[part] - baseline.parts[part]; }
   [[nodiscard]] std::string part_text(Part part) const {
@@ -94,13 +99,25 @@ Judged suspended(const Case& c) {
                    fmt::format("the computer was suspended for {:.1f} s", c.evidence.slept_ms / 1000.0));
 }
 
+// A drive whose commands stay away ends by itself what it does.
+bool made_a_drive_stop(const Case& c) {
+  const FaultEvidence& evidence = c.evidence;
+  return (evidence.fault_cause == Cause::drive_fault || evidence.fault_cause == Cause::drive_disabled) &&
+         evidence.worst_lateness >= kStandstill;
+}
+
+// A lost reply leaves a joint old until the next one; late replies come and leave it old.
+bool replies_are_late(const FaultEvidence& evidence) {
+  return evidence.old_replied_ticks != 0 && evidence.old_replied_ticks * 10 >= evidence.old_ticks;
+}
+
 Judged drives_and_buses(const Case& c) {
   const FaultEvidence& evidence = c.evidence;
-  if (evidence.fault_cause == Cause::feedback_lost && !evidence.bus_was_bad && slept_through_the_feedback(c)) {
+  const bool feedback_lost = evidence.fault_cause == Cause::feedback_lost;
+  if (!evidence.bus_was_bad && ((feedback_lost && slept_through_the_feedback(c)) || made_a_drive_stop(c))) {
     if (auto lost = lost_period(c)) return lost;
   }
-  if (evidence.fault_cause == Cause::feedback_lost && !evidence.bus_was_bad &&
-      2 * evidence.replies >= evidence.replies_due) {
+  if (feedback_lost && !evidence.bus_was_bad && replies_are_late(evidence)) {
     return c.verdict(Fault::estimator_lag, fmt::format("{}, though {} of {} replies came", c.feedback_text(),
                                                        evidence.replies, evidence.replies_due));
   }
@@ -126,6 +143,10 @@ Judged integration(const Case& c) {
     return c.verdict(Fault::controller_integration_error,
                      fmt::format("stamps of {} commands ran backwards", evidence.ran_backwards));
   }
+  if (evidence.clamped_ticks != 0) {
+    return c.verdict(Fault::controller_integration_error,
+                     fmt::format("targets out of their joints' range in {} ticks", evidence.clamped_ticks));
+  }
   if (evidence.bad_commands)
     return c.verdict(Fault::controller_integration_error, "the executive gave up on bad commands");
   return {};
@@ -141,15 +162,15 @@ Judged age_part(const Case& c) {
   Part worst = sense;
   for (const Part part : {queue, infer, publish}) worst = c.excess(part) > c.excess(worst) ? part : worst;
   if (c.excess(worst).ns * 5 < c.rules.max_age.ns) return {};
+  if (c.evidence.worst_lateness >= half(c.excess(worst))) {
+    if (auto lost = lost_period(c)) return lost;
+  }
   switch (worst) {
     case infer:
       return c.verdict(Fault::inference_stall, c.part_text(infer));
     case queue:
       return c.verdict(Fault::middleware_queue_growth, c.part_text(queue));
     case publish:
-      if (c.evidence.worst_lateness >= half(c.excess(publish))) {
-        if (auto lost = lost_period(c)) return lost;
-      }
       return c.verdict(Fault::middleware_queue_growth, c.part_text(publish));
     case sense:
       break;
@@ -169,6 +190,13 @@ Judged silence(const Case& c) {
                      fmt::format("no command came for {:.3g} ms, and the next were another policy process's",
                                  c.evidence.silence.milliseconds()));
   }
+  const Duration sense_excess = c.evidence.sense_before - c.baseline.parts[sense];
+  if (sense_excess.ns * 5 >= c.rules.max_age.ns)
+    return c.verdict(
+        Fault::sensor_backlog,
+        fmt::format("no command came for {:.4g} ms after one with tau_sense {:.3g} ms against a median of {:.3g} ms",
+                    c.evidence.silence.milliseconds(), c.evidence.sense_before.milliseconds(),
+                    c.baseline.parts[sense].milliseconds()));
   return c.verdict(Fault::inference_stall,
                    fmt::format("no command came for {:.4g} ms, max_age is {:.3g} ms; {}",
                                c.evidence.silence.milliseconds(), c.rules.max_age.milliseconds(), kPolicyLogHint));
@@ -181,6 +209,13 @@ Judged lost_replies(const Case& c) {
   return c.verdict(Fault::actuator_or_bus_fault, fmt::format("{} of {} replies did not come", lost, due));
 }
 
+Judged frozen_imu(const Case& c) {
+  if (c.evidence.imu_repeats < kFrozenSamples) return {};
+  return c.verdict(
+      Fault::sensor_backlog,
+      fmt::format("the base's IMU repeated its values under fresh stamps in {} samples", c.evidence.imu_repeats));
+}
+
 FaultVerdict unknown(const Case& c) {
   Part worst = sense;
   for (const Part part : {queue, infer, publish}) worst = c.excess(part) > c.excess(worst) ? part : worst;
@@ -191,11 +226,97 @@ FaultVerdict unknown(const Case& c) {
 
 FaultVerdict judge(const FaultEvidence& evidence, const FaultBaseline& baseline, const FaultRules& rules) {
   const Case judged{evidence, baseline, rules};
-  for (const auto rule :
-       {suspended, drives_and_buses, integration, base_sensor, age_part, lost_period, silence, lost_replies}) {
+  for (const auto rule : {suspended, drives_and_buses, integration, base_sensor, age_part, lost_period, silence,
+                          lost_replies, frozen_imu}) {
     if (auto verdict = rule(judged)) return std::move(*verdict);
   }
   return unknown(judged);
+}
+
+namespace {
+
+bool holds(const std::vector<FaultVerdict>& verdicts, Fault fault) {
+  return std::ranges::find(verdicts, fault, &FaultVerdict::fault) != verdicts.end();
+}
+
+// What no drive or bus explains may have more than one cause. The first is the one that judge() finds.
+std::vector<FaultVerdict> causes_of(const Case& c) {
+  std::vector<FaultVerdict> causes{judge(c.evidence, c.baseline, c.rules)};
+  if (suspended(c) || drives_and_buses(c)) return causes;
+  const auto add = [&](Judged verdict) {
+    if (verdict && !holds(causes, verdict->fault)) causes.push_back(std::move(*verdict));
+  };
+  if (integration(c) || base_sensor(c)) add(age_part(c));
+  add(lost_period(c));
+  return causes;
+}
+
+// Of one cause in a stretch.
+struct Explained {
+  FaultEvidence evidence;  // of its segments
+  FaultVerdict worst;      // of the segment with the most troubled ticks
+};
+using ByCause = std::map<Fault, Explained>;
+
+void add_to(ByCause& by_cause, const FaultVerdict& verdict, const FaultEvidence& segment) {
+  const auto [found, is_new] = by_cause.emplace(verdict.fault, Explained{segment, verdict});
+  if (is_new) return;
+  found->second.evidence.take(segment);
+  if (verdict.troubled_ticks > found->second.worst.troubled_ticks) found->second.worst = verdict;
+}
+
+// Segments that nothing explains go with the one before, at the beginning with the one behind.
+ByCause explained_by_cause(const FaultStretch& stretch, const FaultBaseline& baseline, const FaultRules& rules) {
+  ByCause by_cause;
+  FaultEvidence unexplained;
+  std::optional<Fault> before;
+  for (const FaultEvidence& segment : stretch.segments) {
+    if (!segment.at.is_set()) continue;
+    const auto causes = causes_of({segment, baseline, rules});
+    if (causes.front().fault == Fault::unknown && causes.size() == 1) {
+      (before ? by_cause.at(*before).evidence : unexplained).take(segment);
+      continue;
+    }
+    for (const FaultVerdict& verdict : causes)
+      if (verdict.fault != Fault::unknown) add_to(by_cause, verdict, segment);
+    const Fault named = causes.front().fault == Fault::unknown ? causes.back().fault : causes.front().fault;
+    if (!before) by_cause.at(named).evidence.take(unexplained);
+    before = named;
+  }
+  return by_cause;
+}
+
+// Less than a telling share of the stretch, and no stop.
+bool is_slight(const Explained& one, const ByCause& by_cause) {
+  std::uint64_t all = 0;
+  for (const auto& [fault, each] : by_cause) all += each.evidence.troubled_ticks;
+  return one.evidence.gravity != Gravity::stopped &&
+         static_cast<double>(one.evidence.troubled_ticks) < kTellingShare * static_cast<double>(all);
+}
+
+FaultVerdict verdict_of(Fault fault, const Explained& one, const FaultBaseline& baseline, const FaultRules& rules) {
+  FaultVerdict verdict = judge(one.evidence, baseline, rules);
+  if (verdict.fault == fault) return verdict;
+  const std::string sentence = one.worst.sentence;
+  verdict.fault = fault;
+  verdict.sentence = sentence;
+  return verdict;
+}
+
+}  // namespace
+
+std::vector<FaultVerdict> judge(const FaultStretch& stretch, const FaultBaseline& baseline, const FaultRules& rules) {
+  const ByCause by_cause = explained_by_cause(stretch, baseline, rules);
+  FaultVerdict whole = judge(stretch.whole, baseline, rules);
+  std::vector<FaultVerdict> verdicts;
+  for (const auto& [fault, one] : by_cause)
+    if (!is_slight(one, by_cause)) verdicts.push_back(verdict_of(fault, one, baseline, rules));
+  if (verdicts.empty() || (verdicts.size() == 1 && verdicts.front().fault == whole.fault)) {
+    whole.troubled_ticks = 0;
+    for (const FaultEvidence& segment : stretch.segments) whole.troubled_ticks += segment.troubled_ticks;
+    return {std::move(whole)};
+  }
+  return verdicts;
 }
 
 namespace {

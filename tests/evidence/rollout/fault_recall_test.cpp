@@ -51,7 +51,7 @@ TEST(FaultRecall, PlantedFaultsAreCalledByTheirNames) {
     for (std::uint64_t seed = kFirstSeed; seed < kFirstSeed + kSeeds; ++seed) {
       const monitor::FaultSummary summary = classify(planted, seed);
       const std::size_t verdict = most_frequent(summary);
-      ++confusion[planted_fault(planted.perturbation).value()][verdict];
+      ++confusion[*planted_faults(planted.perturbation).begin()][verdict];
       std::printf("%-22s seed %3llu  %s", planted.perturbation, static_cast<unsigned long long>(seed),
                   monitor::fault_text(summary, 1).c_str());
     }

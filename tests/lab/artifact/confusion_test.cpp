@@ -60,10 +60,61 @@ TEST(Confusion, IsSilentWhereNothingWasPlanted) {
 
 TEST(Confusion, EveryPlantingPerturbationExists) {
   std::size_t planting = 0;
-  for (const PerturbationKind& kind : perturbation_kinds())
-    if (planted_fault(kind.name)) ++planting;
+  for (const PerturbationKind& kind : perturbation_kinds()) planting += planted_faults(kind.name).size();
   EXPECT_EQ(planting, 17U);
-  EXPECT_FALSE(planted_fault("none"));
+  EXPECT_TRUE(planted_faults("none").empty());
+}
+
+TEST(Confusion, KnowsAllPlantedCauses) {
+  using Faults = std::set<Fault>;
+  EXPECT_EQ(planted_faults("push-with-can_loss-0.1"), Faults{Fault::actuator_or_bus_fault});
+  EXPECT_EQ(planted_faults("policy_freeze-with-publish_delay-1e+02-with-inference_stall-400"),
+            (Faults{Fault::inference_stall, Fault::middleware_queue_growth}));
+}
+
+RolloutRow shared(const char* perturbation, const std::map<Fault, double>& shares) {
+  RolloutRow made = row(perturbation, shares.empty() ? "" : "inference_stall");
+  made.fault_shares.fill(0);
+  for (const auto& [fault, share] : shares) made.fault_shares[static_cast<std::size_t>(fault)] = share;
+  return made;
+}
+
+TEST(Confusion, AMixtureNamesEachCauseWithATellingShare) {
+  constexpr const char* kBoth = "inference_stall-with-bus_off-100";
+  const std::vector<RolloutRow> rows{
+      shared(kBoth, {{Fault::inference_stall, 0.9}, {Fault::actuator_or_bus_fault, 0.1}}),
+      shared(kBoth, {{Fault::inference_stall, 0.98}, {Fault::actuator_or_bus_fault, 0.02}}),
+      shared(kBoth, {{Fault::inference_stall, 0.5}, {Fault::sensor_backlog, 0.4}, {Fault::unknown, 0.1}})};
+  const auto confusions = confusions_of(rows);
+  const Confusion& takt = confusions.at("takt");
+  EXPECT_TRUE(takt.planted.empty()) << "two causes are no single one";
+  EXPECT_EQ(takt.mixtures.rollouts, 3U);
+  EXPECT_EQ(takt.mixtures.all_named, 1U);
+  const auto& causes = takt.mixtures.causes;
+  EXPECT_DOUBLE_EQ(causes.at(Fault::inference_stall).recall(), 1);
+  EXPECT_DOUBLE_EQ(causes.at(Fault::actuator_or_bus_fault).recall(), 1.0 / 3);
+  EXPECT_DOUBLE_EQ(causes.at(Fault::actuator_or_bus_fault).precision().value(), 1);
+  EXPECT_DOUBLE_EQ(causes.at(Fault::sensor_backlog).precision().value(), 0) << "not planted";
+  EXPECT_FALSE(causes.contains(Fault::unknown)) << "no name";
+  EXPECT_NE(confusion_text(confusions).find("all planted causes named in 1 of 3 (33.3 %) mixtures"), std::string::npos);
+  EXPECT_EQ(confusion_json(confusions, "id")["methods"]["takt"]["mixtures"]["all_named"], 1);
+}
+
+TEST(Confusion, RolloutsWithoutTroubleStandBesideTheRecall) {
+  const std::vector<RolloutRow> rows{
+      shared("policy_freeze", {{Fault::inference_stall, 1.0}}), shared("policy_freeze", {}),
+      shared("policy_freeze", {{Fault::inference_stall, 0.8}, {Fault::sensor_backlog, 0.2}}), shared("none", {})};
+  const auto confusions = confusions_of(rows);
+  const Confusion& takt = confusions.at("takt");
+  EXPECT_DOUBLE_EQ(takt.macro_recall().value(), 2.0 / 3);
+  EXPECT_DOUBLE_EQ(takt.macro_recall_of_troubled().value(), 1);
+  EXPECT_EQ(takt.without_trouble(), 1U);
+  EXPECT_EQ(takt.named_besides, 1U);
+  const std::string text = confusion_text(confusions);
+  for (const char* line : {"macro recall 0.667, macro precision 1.000\n", "macro recall 1.000 without the rollouts",
+                           "unknown or none): 1 of 3 (33.3 %)\n", "named besides: 1 of 3 (33.3 %)\n",
+                           "nominal rollouts with a verdict: 0 of 1 (0.0 %)\n"})
+    EXPECT_NE(text.find(line), std::string::npos) << line << text;
 }
 
 TEST(Confusion, TheLeadingVerdictIsTheCostliest) {

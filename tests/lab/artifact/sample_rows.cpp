@@ -49,6 +49,8 @@ RolloutRow sample_row(const std::string& method, std::uint64_t seed) {
   row.recovery_s = 0.25;
   row.leading_fault = "inference_stall";
   row.fault_verdicts = 2;
+  row.fault_shares.fill(0);
+  row.fault_shares[static_cast<std::size_t>(monitor::Fault::inference_stall)] = 1;
   row.rearms = 5;
   row.tracking_error_rms_m = 0.01;
   row.tracking_error_p95_m = 0.03;

@@ -339,8 +339,98 @@ TEST(FaultClassifier, AStretchCostsWhatItMissed) {
   EXPECT_EQ(stall.stretches, 1U);
   EXPECT_EQ(stall.stops, 0U);
   EXPECT_NEAR(static_cast<double>(stall.missed_ticks), 200 - 20, 20) << "without a usable command";
-  EXPECT_EQ(summary.costs[static_cast<std::size_t>(Fault::actuator_or_bus_fault)],
-            (FaultCost{.stops = 1, .missed_ticks = 0, .stretches = 1}));
+  const FaultCost stop = summary.costs[static_cast<std::size_t>(Fault::actuator_or_bus_fault)];
+  EXPECT_EQ(stop, (FaultCost{.stops = 1, .missed_ticks = 0, .troubled_ticks = 301, .stretches = 1}))
+      << "standing costs, too";
+  EXPECT_NEAR(summary.share(Fault::actuator_or_bus_fault), 301.0 / (301 + 180), 0.03);
+  EXPECT_DOUBLE_EQ(summary.share(Fault::actuator_or_bus_fault) + summary.share(Fault::inference_stall), 1);
+  EXPECT_EQ(FaultSummary().share(Fault::unknown), 0);
+}
+
+// Commands come late over the way, and half-way the scheduler takes periods from the loop: one stretch, two causes.
+TEST(FaultClassifier, OneStretchHasTwoCauses) {
+  Robot robot;
+  robot.run(500);
+  for (int command = 0; command < 20; ++command) {
+    robot.parts.publish = milliseconds(38);
+    robot.run(15);
+    robot.tick([&](TickRecordHeader& header) {
+      if (command < 10) return;
+      header.overrun_cause = OverrunCause::preempted;
+      header.lateness = milliseconds(2);
+      header.skipped_periods += 2;
+    });
+    robot.run(4);
+  }
+  robot.parts = Robot().parts;
+  robot.run(300);
+  const FaultSummary summary = robot.classifier.finish();
+  ASSERT_EQ(summary.verdicts.size(), 2U) << fault_text(summary);
+  EXPECT_EQ(summary.counts[static_cast<std::size_t>(Fault::middleware_queue_growth)], 1U);
+  EXPECT_EQ(summary.counts[static_cast<std::size_t>(Fault::scheduler_preemption)], 1U);
+  EXPECT_NEAR(summary.share(Fault::scheduler_preemption), 1.0 / 3, 0.05) << "in half of the time";
+}
+
+// A hundred commands late over the way, one late by its inference: the one is no cause of its own.
+TEST(FaultClassifier, ASlightCauseIsLeftOutOfAStretch) {
+  Robot robot;
+  robot.run(500);
+  for (int command = 0; command < 100; ++command) {
+    robot.parts.publish = milliseconds(command == 50 ? 1 : 38);
+    robot.parts.infer = milliseconds(command == 50 ? 60 : 14);
+    robot.run(20);
+  }
+  robot.parts = Robot().parts;
+  robot.run(300);
+  const FaultSummary summary = robot.classifier.finish();
+  EXPECT_EQ(summary.verdicts.size(), 1U) << fault_text(summary);
+  EXPECT_DOUBLE_EQ(summary.share(Fault::middleware_queue_growth), 1);
+}
+
+TEST(FaultClassifier, AStretchOfManyCommandsStaysSmallAndKeepsItsCost) {
+  Robot robot;
+  robot.run(500);
+  robot.parts.publish = milliseconds(38);
+  robot.run(40'000);
+  robot.parts = Robot().parts;
+  robot.run(300);
+  const FaultSummary summary = robot.classifier.finish();
+  ASSERT_EQ(summary.verdicts.size(), 1U) << fault_text(summary);
+  EXPECT_NEAR(static_cast<double>(summary.verdicts.front().troubled_ticks), 40'000, 50);
+}
+
+// The policy host answers nothing once its sensor is too old for it: the commands before tell.
+TEST(FaultClassifier, ASilenceAfterOldSamplesIsTheSensors) {
+  Robot robot;
+  robot.run(500);
+  robot.parts.sense = milliseconds(30);
+  robot.run(40);
+  robot.policy_answers = false;
+  robot.run(200);
+  robot.policy_answers = true;
+  robot.parts = Robot().parts;
+  robot.run(300);
+  const FaultSummary summary = robot.classifier.finish();
+  ASSERT_EQ(summary.verdicts.size(), 1U) << fault_text(summary);
+  EXPECT_EQ(summary.verdicts.front().fault, Fault::sensor_backlog) << fault_text(summary);
+}
+
+TEST(FaultClassifier, ATargetOutOfRangeIsAnIntegrationError) {
+  Robot robot;
+  robot.record.header.player = Player::policy;
+  robot.run(500);
+  robot.record.joints[1].interventions = bit(Intervention::target_range);
+  robot.run(10);
+  robot.record.joints[1].interventions = bit(Intervention::torque_limit);
+  robot.run(300);
+  EXPECT_EQ(robot.sentences(),
+            Sentences{"controller_integration_error: targets out of their joints' range in 10 ticks"});
+  Robot fallback;
+  fallback.record.header.player = Player::fallback;
+  fallback.run(500);
+  fallback.record.joints[1].interventions = bit(Intervention::target_range);
+  fallback.run(10);
+  EXPECT_EQ(fallback.sentences(), Sentences{}) << "not the policy's target";
 }
 
 TEST(FaultClassifier, TroublesFarApartAreTwoAndNearOnesAreOne) {
