@@ -21,8 +21,8 @@
 //   1 feedback_lost, or a drive that missed its commands, while the loop itself stood still as 5
 //     feedback_lost while replies of the oldest joint came and left it old  estimator_lag
 //     a drive or bus cause; a bus not up                                    actuator_or_bus_fault
-//   2 a command refused for its content or order, bad_commands, stamps that ran backwards, a target out of its joint's
-//     range                                                                 controller_integration_error
+//   2 five samples of the IMU repeated its values under fresh stamps        sensor_backlog
+//     a refused command, bad_commands, stamps backwards, targets out of range controller_integration_error
 //   3 imu_lost                                                             sensor_backlog
 //   4 tau_infer stands out                                                  inference_stall
 //     tau_queue stands out                                                  middleware_queue_growth
@@ -34,8 +34,8 @@
 //   6 no command came for more than max_age, or commands come from another
 //     session of the policy than before                                    inference_stall
 //   7 more than a tenth of the drives' replies did not come                 actuator_or_bus_fault
-//   8 the IMU repeated its values under fresh stamps                       sensor_backlog
-//   9 otherwise                                                             unknown
+//   8 otherwise                                                             unknown
+// Refused: for its content or order.
 // What it cannot see: a frozen camera under fresh stamps, replies late on the wire but stamped when they came.
 #pragma once
 
@@ -112,7 +112,7 @@ struct FaultSummary {
   [[nodiscard]] double share(Fault fault) const;  // of all causes' troubled ticks; 0..1
 };
 inline constexpr std::size_t kListedVerdicts = 1000;
-inline constexpr double kTellingShare = 0.05;  // a cause with less is not told apart from the others
+inline constexpr double kTellingShare = 0.02;  // a cause with less is not told apart from the others
 
 struct FaultRules {
   Duration max_age;

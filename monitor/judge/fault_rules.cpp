@@ -130,6 +130,14 @@ Judged drives_and_buses(const Case& c) {
   return {};
 }
 
+// Wrong targets are what comes of it.
+Judged frozen_imu(const Case& c) {
+  if (c.evidence.imu_repeats < kFrozenSamples) return {};
+  return c.verdict(
+      Fault::sensor_backlog,
+      fmt::format("the base's IMU repeated its values under fresh stamps in {} samples", c.evidence.imu_repeats));
+}
+
 Judged integration(const Case& c) {
   const FaultEvidence& evidence = c.evidence;
   if (!evidence.refusals.empty()) {
@@ -209,13 +217,6 @@ Judged lost_replies(const Case& c) {
   return c.verdict(Fault::actuator_or_bus_fault, fmt::format("{} of {} replies did not come", lost, due));
 }
 
-Judged frozen_imu(const Case& c) {
-  if (c.evidence.imu_repeats < kFrozenSamples) return {};
-  return c.verdict(
-      Fault::sensor_backlog,
-      fmt::format("the base's IMU repeated its values under fresh stamps in {} samples", c.evidence.imu_repeats));
-}
-
 FaultVerdict unknown(const Case& c) {
   Part worst = sense;
   for (const Part part : {queue, infer, publish}) worst = c.excess(part) > c.excess(worst) ? part : worst;
@@ -226,8 +227,8 @@ FaultVerdict unknown(const Case& c) {
 
 FaultVerdict judge(const FaultEvidence& evidence, const FaultBaseline& baseline, const FaultRules& rules) {
   const Case judged{evidence, baseline, rules};
-  for (const auto rule : {suspended, drives_and_buses, integration, base_sensor, age_part, lost_period, silence,
-                          lost_replies, frozen_imu}) {
+  for (const auto rule : {suspended, drives_and_buses, frozen_imu, integration, base_sensor, age_part, lost_period,
+                          silence, lost_replies}) {
     if (auto verdict = rule(judged)) return std::move(*verdict);
   }
   return unknown(judged);
@@ -246,7 +247,7 @@ std::vector<FaultVerdict> causes_of(const Case& c) {
   const auto add = [&](Judged verdict) {
     if (verdict && !holds(causes, verdict->fault)) causes.push_back(std::move(*verdict));
   };
-  if (integration(c) || base_sensor(c)) add(age_part(c));
+  if (frozen_imu(c) || integration(c) || base_sensor(c)) add(age_part(c));
   add(lost_period(c));
   return causes;
 }

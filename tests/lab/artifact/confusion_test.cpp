@@ -83,7 +83,7 @@ TEST(Confusion, AMixtureNamesEachCauseWithATellingShare) {
   constexpr const char* kBoth = "inference_stall-with-bus_off-100";
   const std::vector<RolloutRow> rows{
       shared(kBoth, {{Fault::inference_stall, 0.9}, {Fault::actuator_or_bus_fault, 0.1}}),
-      shared(kBoth, {{Fault::inference_stall, 0.98}, {Fault::actuator_or_bus_fault, 0.02}}),
+      shared(kBoth, {{Fault::inference_stall, 0.99}, {Fault::actuator_or_bus_fault, 0.01}}),
       shared(kBoth, {{Fault::inference_stall, 0.5}, {Fault::sensor_backlog, 0.4}, {Fault::unknown, 0.1}})};
   const auto confusions = confusions_of(rows);
   const Confusion& takt = confusions.at("takt");

@@ -433,6 +433,62 @@ TEST(FaultClassifier, ATargetOutOfRangeIsAnIntegrationError) {
   EXPECT_EQ(fallback.sentences(), Sentences{}) << "not the policy's target";
 }
 
+// Which its targets follow, out of range.
+TEST(FaultClassifier, AnImuThatRepeatsItsValuesIsASensors) {
+  Robot robot;
+  robot.record.header.player = Player::policy;
+  const auto sample = [&](int tick, float turn) {
+    robot.record.header.imu.sequence = static_cast<std::uint64_t>(tick + 1);
+    robot.record.header.imu.angular_velocity[1] = turn;
+    robot.run(1);
+  };
+  for (int tick = 0; tick < 500; ++tick) sample(tick, static_cast<float>(tick));
+  for (int tick = 500; tick < 520; ++tick) sample(tick, 3.5F);
+  robot.record.joints[0].interventions = bit(Intervention::target_range);
+  for (int tick = 520; tick < 530; ++tick) sample(tick, 3.5F);
+  robot.record.joints[0].interventions = 0;
+  robot.run(300);
+  const auto sentences = robot.sentences();
+  ASSERT_EQ(sentences.size(), 1U);
+  EXPECT_TRUE(
+      sentences.front().starts_with("sensor_backlog: the base's IMU repeated its values under fresh stamps in 29"))
+      << sentences.front();
+}
+
+// Replies that are lost leave a joint old; replies that are late come, and leave it old all the same.
+TEST(FaultClassifier, OneSilentDriveOfManyIsNoLag) {
+  Robot robot;
+  robot.run(500);
+  for (int tick = 0; tick < 25; ++tick) {
+    robot.tick([&](TickRecordHeader& header) {
+      robot.record.joints[1].feedback.received_at = header.now - milliseconds(tick);
+      --robot.record.joints[1].feedback.replies;
+    });
+  }
+  robot.enter(Mode::fault_latched, Cause::feedback_lost);
+  robot.run(300);
+  const auto sentences = robot.sentences();
+  ASSERT_EQ(sentences.size(), 1U);
+  EXPECT_TRUE(sentences.front().starts_with("actuator_or_bus_fault: ")) << sentences.front();
+}
+
+// The loop stood still, and a drive that missed its commands gave up.
+TEST(FaultClassifier, ADriveThatWaitedInVainIsTheSchedulers) {
+  Robot robot;
+  robot.run(500);
+  robot.tick([](TickRecordHeader& header) { header.lateness = milliseconds(92); });
+  robot.tick([](TickRecordHeader& header) {
+    header.mode = Mode::fault_latched;
+    header.cause = Cause::drive_fault;
+    header.overrun_cause = OverrunCause::preempted;
+    header.skipped_periods += 92;
+  });
+  robot.run(300);
+  const auto sentences = robot.sentences();
+  ASSERT_EQ(sentences.size(), 1U);
+  EXPECT_TRUE(sentences.front().starts_with("scheduler_preemption: ")) << sentences.front();
+}
+
 TEST(FaultClassifier, TroublesFarApartAreTwoAndNearOnesAreOne) {
   Robot robot;
   robot.run(500);
