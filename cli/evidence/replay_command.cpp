@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "evidence/review/replay.hpp"
 
 namespace takt::cli {
@@ -22,7 +23,7 @@ int replay(const ReplayOptions& options) {
   const auto report = monitor::replay(*run, options.from);
   if (!report) return fail("takt replay", report.error());
   if (options.json) {
-    fmt::print("{}\n", monitor::to_json(*report).dump());
+    fmt::print("{}\n", json_line(monitor::to_json(*report)));
   } else {
     fmt::print("{}", monitor::replay_text(*report));
   }

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "evidence/review/report/report_html.hpp"
 #include "evidence/review/report/report_text.hpp"
 #include "evidence/review/report/task_target.hpp"
@@ -57,7 +58,7 @@ int report(const ReportOptions& options) {
   if (options.json) {
     json["faults"] = monitor::to_json(faults);
     json["comparison"] = *comparison ? monitor::to_json(**comparison) : nullptr;
-    fmt::print("{}\n", json.dump());
+    fmt::print("{}\n", json_line(json));
   } else {
     fmt::print("{}{}{}", monitor::report_text(metrics, *run), monitor::faults_of_record(metrics, faults),
                *comparison ? monitor::comparison_text(**comparison) : "");

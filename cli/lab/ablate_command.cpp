@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "cli/lab/progress.hpp"
 #include "cli/lab_commands.hpp"
 #include "cli/quantity_option.hpp"
@@ -59,7 +60,7 @@ int run(const AblateOptions& options) {
   const auto found = margin::ablate(setup);
   progress.reset();
   if (!found) return fail("takt ablate", found.error());
-  fmt::print("{}", options.json ? margin::to_json(*found).dump() + "\n" : margin::ablation_text(*found));
+  fmt::print("{}", options.json ? json_line(margin::to_json(*found)) + "\n" : margin::ablation_text(*found));
   return kExitOk;
 }
 

@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "cli/lab_commands.hpp"
 #include "cli/quantity_option.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
@@ -103,7 +104,7 @@ int tell(const AgesOptions& options, std::vector<std::int64_t>& ages) {
                                       {"confidence", options.confidence},
                                       {"contract", word(rate.verdict)},
                                       {"degraded_mode", degraded}};
-    fmt::print("{}\n", told.dump());
+    fmt::print("{}\n", json_line(told));
     return kExitOk;
   }
   fmt::print("{} ages: p50 {:.1f} ms, p95 {:.1f} ms, p99 {:.1f} ms, longest {:.1f} ms{}\n", ages_ns.count,

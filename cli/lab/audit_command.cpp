@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "cli/lab_commands.hpp"
 #include "cli/run/policy_host_option.hpp"
 #include "cli/world_option.hpp"
@@ -94,7 +95,7 @@ int audit_run(const AuditOptions& options) {
   if (!run) return fail(kCommand, run.error());
   panel::RunAudit result = panel::audit_run(*run);
   result.signed_by = signer(options);
-  fmt::print("{}", options.json ? panel::to_json(result).dump() + "\n" : panel::audit_text(result));
+  fmt::print("{}", options.json ? json_line(panel::to_json(result)) + "\n" : panel::audit_text(result));
   return result.is_consistent() ? kExitOk : kExitFailed;
 }
 
@@ -160,7 +161,7 @@ int audit(const AuditOptions& options) {
   }
   result.signed_by = signer(options);
   if (options.json) {
-    fmt::print("{}\n", panel::to_json(result).dump());
+    fmt::print("{}\n", json_line(panel::to_json(result)));
   } else {
     fmt::print("{}", panel::audit_text(result));
   }

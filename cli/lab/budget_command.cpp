@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "cli/lab_commands.hpp"
 #include "cli/run/checked_robot.hpp"
 #include "cli/run/scenario.hpp"
@@ -153,7 +154,8 @@ int run(const BudgetOptions& options) {
       return kExitFailed;
     }
   }
-  fmt::print("{}", options.json ? budget::to_json(result).dump() + "\n" : budget::budget_text(result, asked->focus_Hz));
+  fmt::print("{}",
+             options.json ? json_line(budget::to_json(result)) + "\n" : budget::budget_text(result, asked->focus_Hz));
   return judge(options, result, asked->focus_Hz);
 }
 

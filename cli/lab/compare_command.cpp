@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "cli/lab_commands.hpp"
 #include "lab/judge/compare.hpp"
 #include "lab/panel/panel_promise.hpp"
@@ -57,7 +58,7 @@ int compare(const CompareOptions& options) {
     if (!written) return fail("takt compare", written.error());
   }
   if (options.json) {
-    fmt::print("{}\n", panel::to_json(*comparison).dump());
+    fmt::print("{}\n", json_line(panel::to_json(*comparison)));
   } else {
     fmt::print("{}", options.rows ? panel::comparison_rows_text(*comparison) : panel::comparison_text(*comparison));
   }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "cli/lab/progress.hpp"
 #include "cli/lab_commands.hpp"
 #include "cli/quantity_option.hpp"
@@ -122,7 +123,7 @@ int run(const MarginOptions& options) {
     if (auto written = monitor::replace_file(options.svg, margin::bode_svg(report.joints)); !written)
       return fail("takt margin", written.error());
   }
-  fmt::print("{}", options.json ? margin::to_json(report).dump() + "\n" : margin::margin_text(report));
+  fmt::print("{}", options.json ? json_line(margin::to_json(report)) + "\n" : margin::margin_text(report));
   for (const margin::JointMargins& joint : report.joints)
     if (joint.rings()) fmt::print(stderr, "takt margin: {}\n", margin::ringing_sentence(joint));
   if (!report.agrees()) return kExitFailed;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "cli/lab/progress.hpp"
 #include "cli/lab/real_rollouts.hpp"
 #include "cli/run/policy_host_option.hpp"
@@ -102,7 +103,7 @@ void print_summary(const PanelRunOptions& options, const std::string& id, const 
     if (decision)
       summary["until_decided"] = {
           {"decided", decision->is_made()}, {"seeds", decision->seeds()}, {"evidence", decision->evidence()}};
-    fmt::print("{}\n", summary.dump());
+    fmt::print("{}\n", json_line(summary));
     return;
   }
   const std::string harm = panel::harm_table(rows);

@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "cli/lab_commands.hpp"
 #include "lab/trace/otlp_check.hpp"
 #include "lab/trace/perfetto.hpp"
@@ -67,7 +68,7 @@ int review(const TraceReviewOptions& options) {
   const auto otlp = otlp_of(options.run, records);
   if (!otlp) return fail("takt trace review", otlp.error());
   if (options.json)
-    fmt::print("{}\n", monitor::to_json(*review, *reading, timeline).dump());
+    fmt::print("{}\n", json_line(monitor::to_json(*review, *reading, timeline)));
   else
     fmt::print("{}{}", monitor::review_text(*review, *reading, timeline), *otlp ? otlp_text(**otlp) : "");
   if (*otlp && !(*otlp)->agrees())

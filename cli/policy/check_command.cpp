@@ -10,6 +10,7 @@
 #include <span>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "config/bundle_name.hpp"
 #include "config/document.hpp"
 #include "config/load.hpp"
@@ -343,13 +344,13 @@ int check_policy(const PolicyCheckOptions& options) {
   const auto about = examine_policy(options);
   if (!about) {
     if (!options.json) return refuse(about.error().exit_code, about.error().sentence);
-    fmt::print("{}\n", nlohmann::json{{"runs", false}, {"problem", about.error().sentence}}.dump());
+    fmt::print("{}\n", json_line(nlohmann::json{{"runs", false}, {"problem", about.error().sentence}}));
     return about.error().exit_code;
   }
   if (options.json) {
     nlohmann::json all = *about;
     all["runs"] = true;
-    fmt::print("{}\n", all.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+    fmt::print("{}\n", json_line(all));
     return kExitOk;
   }
   const bool looked_into = !about->contains("not_by_builtin");

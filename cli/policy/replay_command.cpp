@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "config/load.hpp"
 #include "evidence/policy/policy_replay.hpp"
 
@@ -32,7 +33,7 @@ int replay(const PolicyReplayArguments& arguments) {
     }
   }
   if (arguments.json) {
-    fmt::print("{}\n", monitor::to_json(*report).dump());
+    fmt::print("{}\n", json_line(monitor::to_json(*report)));
   } else {
     fmt::print("{}", monitor::policy_replay_text(*report));
   }

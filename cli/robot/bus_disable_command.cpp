@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "cli/quantity_option.hpp"
 #include "cli/robot/asked_drives.hpp"
 #include "config/load.hpp"
@@ -84,7 +85,7 @@ int report(const DirectRobot& robot, const Disabler& disabler, bool json) {
     nlohmann::ordered_json said = nlohmann::ordered_json::array();
     for (std::size_t joint = 0; joint < joints.size(); ++joint)
       said.push_back({{"joint", joints[joint].name}, {"disabled", disabler.disabled(joint)}});
-    fmt::print("{}\n", nlohmann::ordered_json{{"disabled", all}, {"joints", said}}.dump());
+    fmt::print("{}\n", json_line(nlohmann::ordered_json{{"disabled", all}, {"joints", said}}));
   } else if (all) {
     fmt::print("all {} drives of {} say that they are disabled\n", joints.size(), robot.config.robot);
   }

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "cli/robot/asked_drives.hpp"
 #include "drivers/tools/discovery.hpp"
 #include "executive/contract/monotonic_clock.hpp"
@@ -144,7 +145,7 @@ void print(const std::vector<Line>& lines, bool as_json) {
                       {"answered", line.answered},
                       {"said", line.said},
                       {"differs", line.differs}});
-    fmt::print("{}\n", json.dump());
+    fmt::print("{}\n", json_line(json));
     return;
   }
   fmt::print("{:<8} {:<9} {:>5}  {:<20} {}\n", "bus", "protocol", "id", "joint", "said");

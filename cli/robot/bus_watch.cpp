@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "cli/json_line.hpp"
 #include "config/drive_ids.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "executive/contract/feedback_names.hpp"
@@ -139,7 +140,7 @@ std::string BusWatch::json(MonoTime now) const {
   nlohmann::ordered_json buses = nlohmann::ordered_json::array();
   for (std::size_t bus = 0; bus < buses_.size(); ++bus)
     buses.push_back({{"bus", robot_.buses[bus].name}, {"frames", frames_[bus]}, {"no_drives_word", strangers_[bus]}});
-  return nlohmann::ordered_json{{"asked", asks_}, {"joints", joints}, {"buses", buses}}.dump();
+  return json_line(nlohmann::ordered_json{{"asked", asks_}, {"joints", joints}, {"buses", buses}});
 }
 
 }  // namespace takt::cli

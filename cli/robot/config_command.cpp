@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "cli/robot/plant_check.hpp"
 #include "cli/run/checked_robot.hpp"
 #include "cli/run/policy_check.hpp"
@@ -36,7 +37,7 @@ int refuse_file(const std::string& problems, bool json) {
       lines.push_back(problems.substr(begin, end - begin));
       begin = end + 1;
     }
-    fmt::print("{}\n", nlohmann::json{{"valid", false}, {"problems", lines}}.dump());
+    fmt::print("{}\n", json_line(nlohmann::json{{"valid", false}, {"problems", lines}}));
   } else {
     fmt::print(stderr, "{}\n", first_problems(problems));
   }
@@ -82,7 +83,7 @@ int check(const ConfigOptions& options) {
         {"valid", true},         {"robot", robot.robot}, {"joints", robot.joints.size()},
         {"buses", buses},        {"cautions", cautions}, {"shown", panel::standing_of(robot).shown},
         {"sha256", robot.sha256}};
-    fmt::print("{}\n", json.dump());
+    fmt::print("{}\n", json_line(json));
     return kExitOk;
   }
   fmt::print("{}: robot {}, {} joints, sha256 {}\n", options.file, robot.robot, robot.joints.size(), robot.sha256);
@@ -102,7 +103,7 @@ int show(const ConfigOptions& options) {
   if (!robot) return refuse_file(robot.error(), options.json);
   const std::string text = config::with_every_default(*robot);
   if (options.json)
-    fmt::print("{}\n", nlohmann::json{{"sha256", robot->sha256}, {"resolved", text}}.dump());
+    fmt::print("{}\n", json_line(nlohmann::json{{"sha256", robot->sha256}, {"resolved", text}}));
   else
     fmt::print("{}", text);
   return kExitOk;

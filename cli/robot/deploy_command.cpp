@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "cli/robot/deployed_robot.hpp"
 #include "cli/robot/executive_guard.hpp"
 #include "cli/run/checked_robot.hpp"
@@ -135,12 +136,11 @@ std::expected<Outcome, Refusal> deploy_robot(const DeployOptions& options) {
 int report(const Outcome& outcome, bool json) {
   const bool rolled_back = outcome.verdict == "rolled_back";
   if (json)
-    fmt::print("{}\n", nlohmann::ordered_json{{"deployment", outcome.name},
-                                              {"previous", outcome.previous},
-                                              {"smoke", outcome.smoke},
-                                              {"verdict", outcome.verdict},
-                                              {"reason", outcome.reason}}
-                           .dump());
+    fmt::print("{}\n", json_line(nlohmann::ordered_json{{"deployment", outcome.name},
+                                                        {"previous", outcome.previous},
+                                                        {"smoke", outcome.smoke},
+                                                        {"verdict", outcome.verdict},
+                                                        {"reason", outcome.reason}}));
   else if (rolled_back)
     fmt::print(stderr, "{} was rolled back: {}. In use again: {}\n", outcome.name, outcome.reason, outcome.previous);
   else

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "cli/quantity_option.hpp"
 #include "cli/robot/direct_bus.hpp"
 #include "config/load.hpp"
@@ -239,7 +240,7 @@ int report(const drivers::JointJog& jog, const Judgement& judged, const JointOpt
         {"velocity_scale", scale == 0 ? nlohmann::ordered_json() : nlohmann::ordered_json(scale)},
         {"failure", judged.failure},
         {"notes", judged.notes}};
-    fmt::print("{}\n", line.dump());
+    fmt::print("{}\n", json_line(line));
     return judged.exit_code;
   }
   if (jog.failure().empty())

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "cli/run/status_text.hpp"
 #include "cli/running_robots.hpp"
 #include "config/load.hpp"
@@ -65,7 +66,8 @@ std::expected<std::string, Refusal> runtime_dir_of(const OperatorOptions& option
 // Before anybody was asked.
 int refuse_request(const Refusal& refusal, const std::string& sentence, bool json) {
   if (json)
-    fmt::print("{}\n", nlohmann::json{{"done", false}, {"sentences", {refusal.sentence}}, {"status", nullptr}}.dump());
+    fmt::print("{}\n",
+               json_line(nlohmann::json{{"done", false}, {"sentences", {refusal.sentence}}, {"status", nullptr}}));
   else
     fmt::print(stderr, "{}\n", sentence);
   return refusal.exit_code;
@@ -76,7 +78,7 @@ void print_reply(OperatorVerb verb, const OperatorReply& reply, const OperatorOp
   if (options.json) {
     const nlohmann::json json{
         {"done", reply.done != 0}, {"sentences", sentences}, {"status", status_json(reply.status, reply.incident)}};
-    fmt::print("{}\n", json.dump());
+    fmt::print("{}\n", json_line(json));
     return;
   }
   if (verb == OperatorVerb::status) fmt::print("{}", status_text(reply.status, reply.incident));

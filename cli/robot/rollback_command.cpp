@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.hpp"
+#include "cli/json_line.hpp"
 #include "cli/robot/deployed_robot.hpp"
 #include "cli/robot/executive_guard.hpp"
 #include "config/load.hpp"
@@ -40,7 +41,7 @@ std::expected<int, Refusal> roll_back(const RollbackOptions& options) {
   if (const auto restarted = restart_and_wait(options.place, wanted_hosts(*robot)); !restarted)
     return std::unexpected(Refusal{kExitFailed, fmt::format("{} is in use again: {}", to, restarted.error().sentence)});
   if (options.json)
-    fmt::print("{}\n", nlohmann::ordered_json{{"from", from}, {"to", to}, {"proven", store->is_proven(to)}}.dump());
+    fmt::print("{}\n", json_line(nlohmann::ordered_json{{"from", from}, {"to", to}, {"proven", store->is_proven(to)}}));
   else
     fmt::print("{} is in use again instead of {}{}\n", to, from.empty() ? "nothing" : from,
                store->is_proven(to) ? "" : "; it never passed its probation");

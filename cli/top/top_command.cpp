@@ -13,6 +13,7 @@
 
 #include "cli/command.hpp"
 #include "cli/evidence/trace_snapshot.hpp"
+#include "cli/json_line.hpp"
 #include "cli/run/status_text.hpp"
 #include "cli/running_robots.hpp"
 #include "cli/top/attachment.hpp"
@@ -133,7 +134,7 @@ int print_once(const config::RobotConfig& robot, const std::string& directory, c
     return picture.error().exit_code;
   }
   if (options.json) {
-    fmt::print("{}\n", top::to_json(*picture).dump());
+    fmt::print("{}\n", json_line(top::to_json(*picture)));
     return kExitOk;
   }
   const bool coloured = isatty(STDOUT_FILENO) != 0 && top::wants_colour();

@@ -105,7 +105,7 @@ std::string json_of(const std::vector<Finding>& findings, const Snapshot& snapsh
               {"examined_at", snapshot.examined_at}, {"takt", snapshot.takt_version},
               {"kernel", snapshot.kernel_release},   {"findings", all},
               {"wakeup", wakeup_of(snapshot)}}
-      .dump();
+      .dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
 }  // namespace takt::doctor

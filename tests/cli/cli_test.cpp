@@ -290,6 +290,19 @@ TEST_F(Cli, NothingThatOthersWroteMovesTheCursor) {
   }
 }
 
+// Goal: an answer in JSON is JSON, whatever a folder is called. Method: a path that is no UTF-8.
+TEST_F(Cli, AnAnswerAboutAnyPathIsJson) {
+  const std::string path = in("x\xff");
+  const std::pair<std::string, int> asked[] = {{"config check --json " + path, 65},
+                                               {"policy check --json " + path, 65},
+                                               {"status --json --runtime-dir " + path, 69}};
+  for (const auto& [words, exit_code] : asked) {
+    const Ended ended = Shell::takt(words);
+    EXPECT_EQ(ended.exit_code, exit_code) << ended.output;
+    EXPECT_TRUE(nlohmann::json::accept(ended.output)) << ended.output;
+  }
+}
+
 // Goal: a path that the system refuses is a refusal in one line, and no bug. Method: names longer than a file's may be.
 TEST_F(Cli, APathThatCannotBeIsNoBug) {
   const std::string longest(300, 'A');

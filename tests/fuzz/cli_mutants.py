@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Goal: whatever a stranger wrote, and whatever a person typed, `takt` ends with a documented exit code, in seconds, in bounded memory, and prints nothing that
+"""Goal: whatever a stranger wrote, and whatever a person typed, `takt` ends with a documented exit code, in 10 s of processor time, in 1 GiB, and prints nothing that
 a terminal obeys. Method: sound files and options, each with a few changes drawn by the seed (bits, numbers, lines, pieces of others); each call under limits.
 Usage: cli_mutants.py SOURCE_DIR BIN_DIR [--count N] [--seed S] [--only INDEX] [--workers N]. Mutant INDEX of a seed is the same every time; --only keeps its
-folder. A call that takes too long counts when a second one does too. Exit codes: 0 no finding, 1 findings, each with its command.
+folder. Exit codes: 0 no finding, 1 findings, each with its command.
 """
 import argparse
 import concurrent.futures
@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 
-LONGEST_S, MOST_BYTES = 10, 1 << 30
+LONGEST_S, PATIENCE_S, MOST_BYTES = 10, 120, 1 << 30  # of processor time; of waiting, on a machine that stalls
 EXIT_CODES = {0, 1, 2, 3, 4, 64, 65, 69, 71}
 OBEYED = re.compile(rb"[\x00-\x08\x0b-\x1f\x7f]|\xc2[\x80-\x9f]")
 WORDS = [b"", b"-1", b"0", b"1e999", b"nan", b"inf", b"-0", b"1e-320", b"18446744073709551616", b"9223372036854775807", b"2147483648", b"0x10", b"010", b"~", b"null",
@@ -92,15 +92,15 @@ def changed_words(words, draw):
 
 
 def limits():
-    for what, most in ((resource.RLIMIT_AS, MOST_BYTES), (resource.RLIMIT_FSIZE, MOST_BYTES), (resource.RLIMIT_CORE, 0)):
+    for what, most in ((resource.RLIMIT_AS, MOST_BYTES), (resource.RLIMIT_FSIZE, MOST_BYTES), (resource.RLIMIT_CORE, 0), (resource.RLIMIT_CPU, LONGEST_S)):
         resource.setrlimit(what, (most, most))
 
 
-def finding(command, folder, tries=2):
+def finding(command, folder):
     try:
-        done = subprocess.run(command, cwd=folder, preexec_fn=limits, stdin=subprocess.DEVNULL, capture_output=True, timeout=LONGEST_S, check=False)
+        done = subprocess.run(command, cwd=folder, preexec_fn=limits, stdin=subprocess.DEVNULL, capture_output=True, timeout=PATIENCE_S, check=False)
     except subprocess.TimeoutExpired:
-        return finding(command, folder, tries - 1) if tries > 1 else f"takes more than {LONGEST_S} s"
+        return f"does not end within {PATIENCE_S} s"
     said = done.stdout + done.stderr
     if done.returncode not in EXIT_CODES:
         return f"ends with {done.returncode}: {said[-300:]!r}"
