@@ -37,7 +37,9 @@ std::expected<RunManifest, std::string> RunFolder::read_manifest() const {
 }
 
 std::expected<void, std::string> RunFolder::write_manifest(const RunManifest& manifest_to_write) const {
-  return replace_file(manifest(), to_json(manifest_to_write).dump(2) + "\n");
+  // Paths are bytes, JSON is UTF-8.
+  const auto json = to_json(manifest_to_write);
+  return replace_file(manifest(), json.dump(2, ' ', false, decltype(json)::error_handler_t::replace) + "\n");
 }
 
 std::string new_run_id(const std::string& robot, std::int64_t unix_ns) {
