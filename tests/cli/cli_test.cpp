@@ -549,10 +549,15 @@ TEST_F(Cli, RunFollowsItsScriptAndLeavesOnlyTheRunFolder) {
 
   std::ifstream file(in("run/events.jsonl"));
   std::vector<std::string> told;
+  std::string said;  // of the policy, by the executive: beside what this process writes
   for (std::string line; std::getline(file, line);) {
     const auto event = nlohmann::json::parse(line);
     const std::string name = event.at("event");
     if (name == "started") continue;
+    if (name == "policy") {
+      said = event.at("what");
+      continue;
+    }
     EXPECT_GT(event.at("monotonic_ns").get<std::int64_t>(), 0) << line;
     told.push_back(name + " " + event.value("given", event.value("process", "")));
     if (name == "ended" && event.at("process") == "takt-policy-host") {
@@ -570,6 +575,7 @@ TEST_F(Cli, RunFollowsItsScriptAndLeavesOnlyTheRunFolder) {
                                           "ended takt-executive",
                                           "ended takt-monitor"};
   EXPECT_EQ(told, expected);
+  EXPECT_EQ(said.find("its host left (takt-policy-host, pid "), 0U) << said;
   const auto seal = nlohmann::json::parse(std::ifstream(in("run/seal.json")));
   EXPECT_EQ(seal.at("segments").at("events.jsonl").size(), 1U);
 }
