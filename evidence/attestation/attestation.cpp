@@ -12,6 +12,7 @@
 #include "config/cautions.hpp"
 #include "config/load.hpp"
 #include "config/model_text.hpp"
+#include "config/printable.hpp"
 #include "executive/contract/version.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
 #include "monitor/record/bounded_file.hpp"
@@ -223,8 +224,8 @@ std::expected<Attestation, std::string> attestation_of(std::string_view text) {
   if (!json) return std::unexpected("is " + json.error());
   try {
     if (json->at("schema") != kAttestationSchema)
-      return std::unexpected(
-          fmt::format("has schema {}, this version reads \"{}\"", json->at("schema").dump(), kAttestationSchema));
+      return std::unexpected(fmt::format("has schema {}, this version reads \"{}\"",
+                                         config::printable(json->at("schema").dump()), kAttestationSchema));
     const std::string hash = json->at("sha256");
     Attestation made = read(*json);
     json->erase("sha256");

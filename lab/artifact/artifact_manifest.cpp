@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "config/load.hpp"
+#include "config/printable.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
 #include "monitor/record/json_error.hpp"
 #include "monitor/record/run_manifest.hpp"
@@ -220,14 +221,16 @@ Json to_json(const ArtifactManifest& manifest) {
 std::expected<ArtifactManifest, std::string> artifact_manifest_of(const Json& json) {
   try {
     if (const std::string schema = json.at("schema"); schema != kArtifactSchema) {
-      return std::unexpected(
-          fmt::format("manifest.json has schema {}, this version reads {}", schema, kArtifactSchema));
+      return std::unexpected(fmt::format("manifest.json has schema {}, this version reads {}",
+                                         config::printable(schema), kArtifactSchema));
     }
     return read(json);
   } catch (const BadManifest& bad) {
-    return std::unexpected(fmt::format("manifest.json is not an artifact's manifest: {}", bad.sentence));
+    return std::unexpected(
+        fmt::format("manifest.json is not an artifact's manifest: {}", config::printable(bad.sentence)));
   } catch (const nlohmann::json::exception& error) {
-    return std::unexpected(fmt::format("manifest.json is not an artifact's manifest: {}", monitor::sentence_of(error)));
+    return std::unexpected(
+        fmt::format("manifest.json is not an artifact's manifest: {}", config::printable(monitor::sentence_of(error))));
   }
 }
 

@@ -7,6 +7,7 @@
 #include <set>
 #include <vector>
 
+#include "config/printable.hpp"
 #include "lab/artifact/rollout_fields.hpp"
 #include "monitor/record/strict_json.hpp"
 
@@ -104,7 +105,7 @@ std::string first_unknown(const Json& json, const std::string& prefix) {
 std::expected<void, std::string> refuse_unknown(const Json& json) {
   const std::string unknown = first_unknown(json, "");
   if (unknown.empty()) return {};
-  return std::unexpected(fmt::format("{} is not a field of {}", unknown, kRolloutSchema));
+  return std::unexpected(fmt::format("{} is not a field of {}", config::printable(unknown), kRolloutSchema));
 }
 
 const Json* find(const Json& json, const std::vector<std::string>& path) {
@@ -121,7 +122,7 @@ const Json* find(const Json& json, const std::vector<std::string>& path) {
 }  // namespace
 
 std::expected<std::string, std::string> row_text(const RolloutRow& row, HostFields host) {
-  if (auto checked = check(row); !checked) return std::unexpected(checked.error());
+  if (auto checked = check(row); !checked) return std::unexpected(config::printable(checked.error()));
   Json json;
   for (const RolloutField& field : rollout_fields()) {
     if ((field.is_host() && host == HostFields::left_out) || is_lacking(field, row)) continue;
@@ -138,7 +139,8 @@ std::expected<RolloutRow, std::string> row_of(std::string_view line) {
   if (!json->is_object()) return std::unexpected("not a JSON object");
   // First of all: an older or newer row differs in many fields, and this says why.
   if (const Json* schema = find(*json, {"schema"}); schema != nullptr && *schema != kRolloutSchema) {
-    return std::unexpected(fmt::format("schema is {}, this version reads \"{}\"", schema->dump(), kRolloutSchema));
+    return std::unexpected(
+        fmt::format("schema is {}, this version reads \"{}\"", config::printable(schema->dump()), kRolloutSchema));
   }
   if (auto known = refuse_unknown(*json); !known) return std::unexpected(known.error());
   RolloutRow row;
@@ -148,10 +150,11 @@ std::expected<RolloutRow, std::string> row_of(std::string_view line) {
     if (value == nullptr) return std::unexpected(fmt::format("{} is missing", field.name));
     const FieldPlace place = field.place(row);
     if (!std::visit(FromJson{*value}, place)) {
-      return std::unexpected(fmt::format("{} is {}, not {}", field.name, value->dump(), type_name(place)));
+      return std::unexpected(
+          fmt::format("{} is {}, not {}", field.name, config::printable(value->dump()), type_name(place)));
     }
   }
-  if (auto checked = check(row); !checked) return std::unexpected(checked.error());
+  if (auto checked = check(row); !checked) return std::unexpected(config::printable(checked.error()));
   return row;
 }
 

@@ -204,7 +204,7 @@ std::expected<RunManifest, std::string> manifest_of(const Json& json) {
     }
     return manifest;
   } catch (const nlohmann::json::exception& error) {
-    return std::unexpected(fmt::format("is not a run's manifest: {}", sentence_of(error)));
+    return std::unexpected(fmt::format("is not a run's manifest: {}", config::printable(sentence_of(error))));
   }
 }
 

@@ -6,6 +6,8 @@
 #include <set>
 #include <vector>
 
+#include "config/printable.hpp"
+
 namespace takt::monitor {
 
 using Json = nlohmann::ordered_json;
@@ -25,7 +27,7 @@ std::expected<Json, std::string> parse_strict(std::string_view text) {
   if (text.find('\0') != std::string_view::npos) return std::unexpected("not JSON: it has a NUL byte");
   try {
     Json json = Json::parse(text, watch);
-    if (!repeated.empty()) return std::unexpected(fmt::format("{} is there twice", repeated));
+    if (!repeated.empty()) return std::unexpected(fmt::format("{} is there twice", config::printable(repeated)));
     return json;
   } catch (const nlohmann::json::exception&) {
     return std::unexpected("not JSON, or cut off");

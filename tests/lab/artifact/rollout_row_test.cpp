@@ -6,10 +6,14 @@
 #include <cmath>
 #include <limits>
 #include <set>
+#include <string>
+#include <vector>
 
+#include "evidence/attestation/attestation.hpp"
 #include "lab/artifact/rollout_fields.hpp"
 #include "lab/artifact/rollout_json.hpp"
 #include "monitor/record/bounded_file.hpp"
+#include "monitor/record/strict_json.hpp"
 #include "tests/lab/artifact/sample_rows.hpp"
 
 namespace takt::panel {
@@ -207,6 +211,21 @@ TEST(RolloutSchema, CommittedFileMatchesTheTable) {
     ASSERT_TRUE(monitor::replace_file(path, rollout_schema()));
   }
   EXPECT_EQ(monitor::read_file(path).value(), rollout_schema());
+}
+
+// Goal: a refusal that quotes what a stranger wrote moves no cursor. Method: DEL and a C1 character, which JSON lets
+// stand.
+TEST(RolloutRow, RefusalsShowWhatATerminalWouldObey) {
+  for (const std::string odd : {"\x7f", "\xc2\x9b"}) {
+    const std::string twice = "{\"" + odd + "\": 1, \"" + odd + "\": 2}";
+    const std::vector<std::string> refusals{row_of("{\"schema\": \"" + odd + "\"}").error(), row_of(twice).error(),
+                                            attestation_of("{\"schema\": \"" + odd + "\"}").error(),
+                                            monitor::parse_strict(twice).error()};
+    for (const std::string& refusal : refusals) {
+      EXPECT_FALSE(refusal.empty());
+      EXPECT_EQ(refusal.find(odd), std::string::npos) << refusal;
+    }
+  }
 }
 
 TEST(RolloutRow, IdNamesTheRolloutAndIsASafeFileName) {
