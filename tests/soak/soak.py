@@ -3,7 +3,7 @@
 """Goal: whatever is done to a robot's processes, folders and buses for as long as it takes, no frame leaves that the guard refuses, nothing is left behind,
 and its run folders say which ticks they lack. Method: the demo arm under `takt run`, one life after another; in each, faults drawn by a seed come one by one
 until one ends it; each life's folders are read, replayed and counted then. At the end one life is left in peace, to see whether memory or descriptors grow.
-Usage: soak.py SOURCE_DIR BIN_DIR [--minutes N] [--seed S]. Exit codes: 0 fine, 1 not.
+Usage: soak.py SOURCE_DIR BIN_DIR [--minutes N] [--rest-minutes N] [--seed S]. Exit codes: 0 fine, 1 not.
 """
 import argparse
 import collections
@@ -332,7 +332,7 @@ class Soak:
                 life.complain(f"{name} grew by {grown} bytes and {more} descriptors")
         self.close_life(life)
 
-    def go(self, minutes):
+    def go(self, minutes, rest_minutes):
         before = set(os.listdir("/dev/shm"))
         until = time.monotonic() + 60 * minutes
         while time.monotonic() < until:
@@ -340,7 +340,7 @@ class Soak:
             life = Life(self, self.lives)
             life.live(90)
             self.close_life(life)
-        self.in_peace(max(60.0, 6 * minutes))
+        self.in_peace(60 * rest_minutes)
         left = set(os.listdir("/dev/shm")) - before
         if left:
             self.wrong.append(f"left in /dev/shm: {sorted(left)}")
@@ -359,10 +359,11 @@ def main():
     parser.add_argument("source", type=pathlib.Path)
     parser.add_argument("programs", type=pathlib.Path)
     parser.add_argument("--minutes", type=float, default=10)
+    parser.add_argument("--rest-minutes", type=float, help="of the life in peace; by default a tenth of --minutes, and a minute at least")
     parser.add_argument("--seed", type=int, default=int(time.time()))
     wanted = parser.parse_args()
     print(f"seed {wanted.seed}", flush=True)
-    return Soak(wanted.source.resolve(), wanted.programs.resolve(), wanted.seed).go(wanted.minutes)
+    return Soak(wanted.source.resolve(), wanted.programs.resolve(), wanted.seed).go(wanted.minutes, wanted.rest_minutes or max(1.0, 0.1 * wanted.minutes))
 
 
 sys.exit(main())
