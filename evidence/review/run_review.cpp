@@ -26,12 +26,17 @@ std::expected<RunReview, std::string> review_of(const RecordedRun& run) {
                                        },
                                    .command =
                                        [&](const RecordedCommand& command) {
-                                         if (const auto header = policy_header_of(command)) classifier.command(*header);
+                                         classifier.command(command);
                                          monitors.command(command);
                                        },
                                    .keyframe = {},
                                    .loss = [&](const Loss& loss) { collector.loss(loss); },
-                                   .policy_input = [&](const RecordedPolicyInput& input) { sensors.input(input); }});
+                                   .policy_input =
+                                       [&](const RecordedPolicyInput& input) {
+                                         sensors.input(input);
+                                         classifier.input(input);
+                                       },
+                                   .image = [&](const ShownImage& image) { classifier.image(image); }});
   if (!scan) return std::unexpected(scan.error());
   review.metrics.scan = *scan;
   note(review.metrics, monitors);

@@ -101,6 +101,7 @@ class Rollout {
         wakes_(disturbance, config_.period, setup.seed),
         measures_(score_of(setup, world), disturbance) {
     input_.last_duration = kTickWork;
+    policy_.on_shown(setup.on_shown);
     if (setup.method.built_in == BuiltIn::plain) plain_ = std::make_unique<PlainLoop>(config_);
     if (setup.fallback != nullptr)
       fallback_.emplace(setup.fallback->robot, setup.fallback->policy_hash, *setup.fallback->policy, setup.timing,

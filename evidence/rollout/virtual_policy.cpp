@@ -182,6 +182,8 @@ void VirtualPolicy::ask(const Waiting& waiting, MonoTime dequeued_at) {
   MonoTime& free_at = *std::ranges::min_element(free_at_);
   free_at = started;
   if (!policy_host::take_usable(robot_, sensors_in_use_, samples_, dequeued_at, used_).empty()) return;
+  if (told_)
+    for (const std::size_t sensor : sensors_in_use_) told_({sensor, samples_[sensor], images_[sensor]});
   Random draw(plant::seed_for(seed_, kPolicyStream + 1), waiting.observation.id);
   const MonoTime ended = end_of(started, inference_time(draw, started));
   const MonoTime published = ended + timing_.publish;

@@ -22,6 +22,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -51,6 +52,13 @@ struct PolicyTiming {
   double mode_spread = 0;  // in units of the network's outputs, at the chunk's end
 };
 
+// The newest sample of a sensor, when the policy was asked.
+struct ShownSample {
+  std::size_t sensor = 0;  // of the robot file
+  const SensorSample& sample;
+  std::span<const std::uint8_t> pixels;  // empty: values
+};
+
 struct ArrivedCommand {
   MonoTime sensed_at;     // oldest joint sample of the observation it answers
   MonoTime observed_at;   // publication of that observation
@@ -78,6 +86,8 @@ class VirtualPolicy {
   void observe(const Observation& observation);
   // What a sensor has published: the robot file's `sensor`-th.
   void sense(std::size_t sensor, const plant::Sensed& sensed) { feeds_[sensor].take(sensed); }
+  // Called for each sample that the policy is shown.
+  void on_shown(std::function<void(const ShownSample&)> told) { told_ = std::move(told); }
   // Does everything that the host does up to `now`.
   void run_until(MonoTime now);
   // What arrived in the mailbox since the last call, the newest only; null: nothing. Valid until the next call.
@@ -119,6 +129,7 @@ class VirtualPolicy {
   const Disturbance& disturbance_;
   std::uint64_t seed_;
   Answering answering_;
+  std::function<void(const ShownSample&)> told_;
   std::optional<policy_host::Responder> responder_;  // of a network
   policy_host::RequestPacing pacing_;
   std::vector<SensorFeed> feeds_;  // one per sensor of the robot file

@@ -19,6 +19,8 @@ struct Planted {
 constexpr Planted kPlanted[] = {
     {"sensor_burst", Fault::sensor_backlog},
     {"sensor_dropout", Fault::sensor_backlog},
+    {"camera_freeze", Fault::sensor_backlog},
+    {"sensor_lies", Fault::sensor_backlog},
     {"estimator_delay", Fault::estimator_lag},
     {"inference_stall", Fault::inference_stall},
     {"inference_mean_shift", Fault::inference_stall},
@@ -32,6 +34,7 @@ constexpr Planted kPlanted[] = {
     {"rt_throttling", Fault::scheduler_preemption},
     {"bad_actions_nan", Fault::controller_integration_error},
     {"bad_actions_range", Fault::controller_integration_error},
+    {"wrong_joint_order", Fault::controller_integration_error},
     {"can_loss", Fault::actuator_or_bus_fault},
     {"bus_off", Fault::actuator_or_bus_fault},
 };

@@ -265,6 +265,15 @@ RolloutSetup Contest::setup_of(const PlannedRollout& planned) const {
 RolloutWatch::RolloutWatch(const config::RobotConfig& robot)
     : classifier_(monitor::fault_rules_of(robot)), monitors_(robot), incidents_(robot) {}
 
+void RolloutWatch::shown(const ShownSample& shown) {
+  const SensorSample& sample = shown.sample;
+  if (shown.pixels.empty())
+    classifier_.sample(shown.sensor, sample.sequence, sample.sensed_at, {sample.values, sample.value_count});
+  else
+    classifier_.image(shown.sensor, sample.sequence, sample.sensed_at,
+                      {reinterpret_cast<const char*>(shown.pixels.data()), shown.pixels.size()});
+}
+
 std::expected<RanRollout, std::string> Contest::run(const PlannedRollout& planned) {
   const HostMeter meter;
   RolloutRow row = identity(planned);
@@ -272,6 +281,7 @@ std::expected<RanRollout, std::string> Contest::run(const PlannedRollout& planne
   RolloutSetup setup = setup_of(planned);
   setup.on_command = [&](const CommandChunk& chunk) { watch.command(chunk); };
   setup.on_tick = [&](const TickRecord& record) { watch.tick(record); };
+  setup.on_shown = [&](const ShownSample& shown) { watch.shown(shown); };
   std::string end;
   setup.on_world_end = [&](const plant::WorldEnd& ended) { end = ended.sentence; };
   setup.on_silence = [&](const std::string& why) { end = why; };

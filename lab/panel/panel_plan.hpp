@@ -13,6 +13,7 @@
 #include "evidence/rollout/outside_processes.hpp"
 #include "evidence/rollout/policy_process.hpp"
 #include "evidence/rollout/rollout_row.hpp"
+#include "evidence/rollout/virtual_policy.hpp"
 #include "lab/artifact/artifact_manifest.hpp"
 #include "lab/judge/post_mortem.hpp"
 #include "lab/panel/panel_file.hpp"
@@ -56,13 +57,16 @@ class RolloutWatch {
  public:
   explicit RolloutWatch(const config::RobotConfig& robot);
   void command(const CommandChunk& chunk) {
-    classifier_.command(chunk.header);
+    classifier_.command(chunk);
     monitors_.command(chunk);
   }
   void command(const monitor::RecordedCommand& command) {
-    if (const auto header = monitor::policy_header_of(command)) classifier_.command(*header);
+    classifier_.command(command);
     monitors_.command(command);
   }
+  void shown(const ShownSample& shown);
+  void input(const monitor::RecordedPolicyInput& input) { classifier_.input(input); }
+  void image(const monitor::ShownImage& image) { classifier_.image(image); }
   void tick(const TickRecord& record) {
     failure_.tick(record.header);
     classifier_.tick(record);

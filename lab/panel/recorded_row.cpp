@@ -142,7 +142,9 @@ std::expected<void, std::string> measure_recorded(const RecordedRollout& rollout
   const auto scanned = monitor::scan_run(*run, {.tick = [&](const auto& tick) { measuring.tick(tick.record); },
                                                 .command = [&](const auto& command) { measuring.command(command); },
                                                 .keyframe = {},
-                                                .loss = {}});
+                                                .loss = {},
+                                                .policy_input = [&](const auto& input) { watch.input(input); },
+                                                .image = [&](const auto& image) { watch.image(image); }});
   if (!scanned) return std::unexpected(scanned.error());
   return measuring.finish(run->robot.freshness, row);
 }

@@ -2,13 +2,15 @@
 #include "monitor/judge/fault_classifier.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <numeric>
 
 namespace takt::monitor {
 namespace {
 
-constexpr Duration kQuiet = milliseconds(100);      // ends a stretch of trouble
-constexpr Duration kPatience = milliseconds(1000);  // for the command that may explain it
+constexpr Duration kQuiet = milliseconds(100);       // ends a stretch of trouble
+constexpr Duration kAftermath = milliseconds(1000);  // the same, of wrong samples: what comes of them comes later
+constexpr Duration kPatience = milliseconds(1000);   // for the command that may explain it
 constexpr std::size_t kRememberedObservations = 4096;
 constexpr std::size_t kEnoughCommands = 20;
 constexpr int kOldPeriods = 5;  // feedback of a joint that was not heard for so many is old
@@ -94,12 +96,6 @@ bool is_refused_for_content(Arrival arrival) {
   return false;
 }
 
-bool repeats_values(const ImuSample& imu, const ImuSample& before) {
-  return imu.sequence != before.sequence && before.sequence != 0 && std::ranges::equal(imu.rotation, before.rotation) &&
-         std::ranges::equal(imu.angular_velocity, before.angular_velocity) &&
-         std::ranges::equal(imu.acceleration, before.acceleration);
-}
-
 bool enters_trouble(const TickRecordHeader& header) {
   if (header.mode == header.previous_mode || is_wish(header.cause)) return false;
   return header.mode == Mode::degraded || header.mode == Mode::damped_stop || header.mode == Mode::fault_latched;
@@ -129,7 +125,10 @@ Duration median(std::vector<std::int64_t> samples) {
 }  // namespace
 
 FaultRules fault_rules_of(const config::RobotConfig& robot) {
-  FaultRules rules{.max_age = robot.freshness.max_age, .period = robot.control.period, .joints = {}};
+  FaultRules rules{.max_age = robot.freshness.max_age,
+                   .period = robot.control.period,
+                   .joints = {},
+                   .content = watched_content_of(robot)};
   for (const auto& joint : robot.joints) rules.joints.push_back(joint.name);
   return rules;
 }
@@ -181,7 +180,7 @@ void FaultEvidence::take(const FaultClue& clue) {
   }
   old_ticks += clue.is_old ? 1 : 0;
   old_replied_ticks += clue.is_old_and_replied ? 1 : 0;
-  imu_repeats += clue.imu_repeated ? 1 : 0;
+  content.take(clue.content);
   replies += clue.replies;
   replies_due += clue.replies_due;
   bus_was_bad = bus_was_bad || clue.bus_is_bad;
@@ -217,7 +216,7 @@ void FaultEvidence::take(const FaultEvidence& other) {
   }
   old_ticks += other.old_ticks;
   old_replied_ticks += other.old_replied_ticks;
-  imu_repeats += other.imu_repeats;
+  content.take(other.content);
   replies += other.replies;
   replies_due += other.replies_due;
   bus_was_bad = bus_was_bad || other.bus_was_bad;
@@ -245,6 +244,31 @@ void FaultStretch::take(const FaultClue& clue) {
   if (!clue.command_parts) return;
   sense = clue.command_parts->sense;
   has_ended_segment = segments.back().gravity != Gravity::stopped;
+}
+
+void FaultClassifier::command(const CommandChunk& chunk) {
+  command_ = chunk.header;
+  content_.command(chunk.header, {chunk.values, chunk.value_count()});
+}
+
+void FaultClassifier::command(const RecordedCommand& command) {
+  const auto header = policy_header_of(command);
+  if (!header) return;
+  command_ = *header;
+  std::vector<float> values((command.payload.size() - sizeof *header) / sizeof(float));
+  std::memcpy(values.data(), command.payload.data() + sizeof *header, values.size() * sizeof(float));
+  content_.command(*header, values);
+}
+
+void FaultClassifier::input(const RecordedPolicyInput& recorded) {
+  if (recorded.sender != Player::policy) return;
+  const std::span<const float> values = recorded.input.sample_values;
+  std::size_t at = 0;
+  for (const PolicyInputSample& sample : recorded.input.samples) {
+    const std::size_t count = std::min<std::size_t>(sample.value_count, values.size() - at);
+    if (count != 0) content_.sample(sample.sensor, sample.sequence, sample.sensed_at, values.subspan(at, count));
+    at += count;
+  }
 }
 
 std::optional<AgeParts> FaultClassifier::parts_of_arrival(const TickRecordHeader& header) const {
@@ -300,7 +324,6 @@ FaultClue FaultClassifier::clue_of(const TickRecord& record) {
   clue.is_old_and_replied = clue.is_old && oldest_replied;
   clue.replies_due = header.joint_count;
   if (before_) {
-    clue.imu_repeated = repeats_values(header.imu, before_->imu);
     clue.skipped = header.skipped_periods - before_->skipped_periods;
     clue.ran_backwards = header.integration_errors - before_->integration_errors;
     clue.is_other_session = header.policy_session != before_->policy_session && before_->policy_session != 0;
@@ -319,10 +342,12 @@ FaultClue FaultClassifier::clue_of(const TickRecord& record) {
   clue.command_before = last_command_;
   const bool relied = relied_on_policy(header.previous_mode);
   clue.target_clamped = clue.target_clamped && relied && header.player == Player::policy;
+  const WrongContent content = content_.tick(record);
+  if (relied) clue.content = content;
   clue.is_miss = relied && !is_usable(header.freshness);
   const bool refused = is_refused_for_age(header.arrival) || is_refused_for_content(header.arrival);
   const bool lost_period = clue.overrun != OverrunCause::none || clue.skipped != 0;
-  const bool is_wrong = refused || clue.ran_backwards != 0 || clue.target_clamped;
+  const bool is_wrong = refused || clue.ran_backwards != 0 || clue.target_clamped || clue.content.is_trouble;
   clue.is_trouble = enters_trouble(header) || (relied && (clue.is_miss || is_wrong || lost_period));
   if (enters_trouble(header) && header.mode != Mode::degraded) {
     clue.gravity = Gravity::stopped;
@@ -361,7 +386,8 @@ void FaultClassifier::follow(const FaultClue& clue) {
   }
   open_->take(clue);
   const Duration quiet = clue.now - open_->whole.last_trouble;
-  if (quiet >= kQuiet && (open_->whole.command_came || quiet >= kPatience)) {
+  const bool is_over = quiet >= (met_wrong_sensing(open_->whole) ? kAftermath : kQuiet);
+  if (is_over && (open_->whole.command_came || quiet >= kPatience)) {
     closed_.push_back(std::move(*open_));
     open_.reset();
     recent_.clear();
@@ -432,12 +458,11 @@ std::vector<FaultVerdict> by_gravity(std::vector<FaultVerdict> verdicts) {
 std::expected<FaultSummary, std::string> classify_run(const RecordedRun& run) {
   FaultClassifier classifier(fault_rules_of(run.robot));
   const auto scan = scan_run(run, {.tick = [&](const RecordedTick& tick) { classifier.tick(tick.record); },
-                                   .command =
-                                       [&](const RecordedCommand& command) {
-                                         if (const auto header = policy_header_of(command)) classifier.command(*header);
-                                       },
+                                   .command = [&](const RecordedCommand& command) { classifier.command(command); },
                                    .keyframe = {},
-                                   .loss = {}});
+                                   .loss = {},
+                                   .policy_input = [&](const RecordedPolicyInput& input) { classifier.input(input); },
+                                   .image = [&](const ShownImage& image) { classifier.image(image); }});
   if (!scan) return std::unexpected(scan.error());
   return classifier.finish();
 }

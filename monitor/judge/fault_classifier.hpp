@@ -2,14 +2,15 @@
 // Why was the deadline missed? Reads a run's ticks and gives every stretch of trouble one verdict with its evidence in
 // a sentence: "inference_stall: tau_infer 212 ms against a median of 14 ms".
 //
-// A stretch begins with a tick that relied on the policy and missed (stale or missing command), refused a command, or
-// lost a period, or that entered degraded, damped_stop or fault_latched by no person's wish. It ends when 100 ms passed
-// without another one; if no command came until then, with the next command or after one second. Its evidence also
-// takes in max_age before it began, because what made a command late happened before it was late.
+// A stretch begins with a tick that relied on the policy and missed (stale or missing command), refused a command, met
+// wrong content, or lost a period, or that entered degraded, damped_stop or fault_latched by no person's wish. It ends
+// when 100 ms passed without another one (a second, if samples were wrong); if no command came until then, with the
+// next command or after one second. Its evidence also takes in max_age before it began, because what made a command
+// late happened before it was late.
 //
 // A stretch may have several causes. It is read in segments, each up to the next command that is accepted or refused
 // for its age, and the rules judge each segment that holds trouble. A lost period counts beside a late command or a
-// refused one. A segment that no rule explains goes with the one before it. Causes with less than a twentieth of the
+// refused one. A segment that no rule explains goes with the one before it. Causes with less than a fiftieth of the
 // stretch's troubled ticks and without a stop are left out.
 //
 // A troubled tick lies between a segment's first trouble and its end; standing after a stop counts for the stop's
@@ -21,8 +22,10 @@
 //   1 feedback_lost, or a drive that missed its commands, while the loop itself stood still as 5
 //     feedback_lost while replies of the oldest joint came and left it old  estimator_lag
 //     a drive or bus cause; a bus not up                                    actuator_or_bus_fault
-//   2 five samples of the IMU repeated its values under fresh stamps        sensor_backlog
-//     a refused command, bad_commands, stamps backwards, targets out of range controller_integration_error
+//   2 samples of the IMU or of an outside sensor were frozen or mirrored
+//     (content_watch.hpp)                                                   sensor_backlog
+//     a refused command, bad_commands, stamps backwards, targets out of range,
+//     targets of other joints (content_watch.hpp)                           controller_integration_error
 //   3 imu_lost                                                             sensor_backlog
 //   4 tau_infer stands out                                                  inference_stall
 //     tau_queue stands out                                                  middleware_queue_growth
@@ -36,7 +39,7 @@
 //   7 more than a tenth of the drives' replies did not come                 actuator_or_bus_fault
 //   8 otherwise                                                             unknown
 // Refused: for its content or order.
-// What it cannot see: a frozen camera under fresh stamps, replies late on the wire but stamped when they came.
+// What it cannot see: replies late on the wire but stamped when they came, and what content_watch.hpp names.
 #pragma once
 
 #include <array>
@@ -53,6 +56,7 @@
 
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/tick_record.hpp"
+#include "monitor/judge/content_watch.hpp"
 #include "monitor/record/recorded_run.hpp"
 
 namespace takt::monitor {
@@ -118,6 +122,7 @@ struct FaultRules {
   Duration max_age;
   Duration period;
   std::vector<std::string> joints;  // names for sentences; may be empty
+  WatchedContent content = {};
 };
 FaultRules fault_rules_of(const config::RobotConfig& robot);
 
@@ -138,7 +143,8 @@ struct FaultClue {
   std::size_t feedback_joint = 0;
   std::uint64_t replies = 0, replies_due = 0;
   bool is_old = false, is_old_and_replied = false;  // the oldest joint
-  bool bus_is_bad = false, target_clamped = false, imu_repeated = false;
+  bool bus_is_bad = false, target_clamped = false;
+  WrongContent content;
   Cause cause = Cause::none;      // of a transition
   bool is_other_session = false;  // of the policy, than at the tick before
   MonoTime command_before;        // when the newest command before this tick came; unset: none did
@@ -162,7 +168,7 @@ struct FaultEvidence {
   std::size_t feedback_joint = 0;
   std::uint64_t replies = 0, replies_due = 0;
   std::uint64_t old_ticks = 0, old_replied_ticks = 0;  // with an old joint; of them, in which it replied
-  std::uint64_t imu_repeats = 0;                       // samples
+  WrongContent content;
   bool bus_was_bad = false;
   Cause fault_cause = Cause::none;  // drive or bus cause of a transition
   bool bad_commands = false, imu_lost = false, other_session = false;
@@ -172,6 +178,11 @@ struct FaultEvidence {
   void take(const FaultClue& clue);
   void take(const FaultEvidence& other);
 };
+
+// Samples whose values nothing can rely on: wrong targets are what comes of them.
+constexpr bool met_wrong_sensing(const FaultEvidence& evidence) {
+  return evidence.content.frozen_samples + evidence.content.mirrored_samples != 0;
+}
 
 struct FaultStretch {
   FaultEvidence whole;
@@ -196,8 +207,18 @@ std::vector<FaultVerdict> judge(const FaultStretch& stretch, const FaultBaseline
 // tick that read it. Memory: two words per command and tick. Thread rule: one thread at a time.
 class FaultClassifier {
  public:
-  explicit FaultClassifier(FaultRules rules) : rules_(std::move(rules)) {}
-  void command(const CommandHeader& header) { command_ = header; }
+  explicit FaultClassifier(FaultRules rules) : rules_(std::move(rules)), content_(rules_.content) {}
+  void command(const CommandChunk& chunk);
+  void command(const RecordedCommand& command);  // of another sender than the policy: ignored
+  // What the policy was shown, near the tick in which it was: optional, as the commands.
+  void sample(std::size_t sensor, std::uint64_t sequence, MonoTime sensed_at, std::span<const float> values) {
+    content_.sample(sensor, sequence, sensed_at, values);
+  }
+  void image(std::size_t sensor, std::uint64_t sequence, MonoTime sensed_at, std::string_view content) {
+    content_.image(sensor, sequence, sensed_at, content);
+  }
+  void input(const RecordedPolicyInput& recorded);  // its samples
+  void image(const ShownImage& image) { content_.image(image.sensor, image.sequence, image.sensed_at, image.sha256); }
   void tick(const TickRecord& record);
   // Ends an open stretch and judges them all. Call once.
   FaultSummary finish();
@@ -216,6 +237,7 @@ class FaultClassifier {
   [[nodiscard]] FaultBaseline baseline() const;
 
   FaultRules rules_;
+  ContentWatch content_;
   std::optional<CommandHeader> command_;  // read by the tick to come
   std::map<std::uint64_t, Published> observations_;
   std::optional<TickRecordHeader> before_;

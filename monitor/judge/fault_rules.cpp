@@ -18,7 +18,6 @@ enum Part : std::size_t { sense, queue, infer, publish };
 using Judged = std::optional<FaultVerdict>;
 
 constexpr Duration kStandstill = milliseconds(20);  // of the loop: a drive may stop for want of commands
-constexpr std::uint64_t kFrozenSamples = 5;
 
 Duration half(Duration duration) {
   return {duration.ns / 2};
@@ -131,11 +130,19 @@ Judged drives_and_buses(const Case& c) {
 }
 
 // Wrong targets are what comes of it.
-Judged frozen_imu(const Case& c) {
-  if (c.evidence.imu_repeats < kFrozenSamples) return {};
-  return c.verdict(
-      Fault::sensor_backlog,
-      fmt::format("the base's IMU repeated its values under fresh stamps in {} samples", c.evidence.imu_repeats));
+Judged sensor_content(const Case& c) {
+  const WrongContent& content = c.evidence.content;
+  if (content.frozen_samples + content.mirrored_samples == 0) return {};
+  const auto& sensors = c.rules.content.sensors;
+  const std::string sensor =
+      content.sensor < sensors.size() ? sensors[content.sensor].name : fmt::format("{}", content.sensor);
+  if (content.frozen_samples >= content.mirrored_samples)
+    return c.verdict(
+        Fault::sensor_backlog,
+        fmt::format("sensor {} repeated its values under fresh stamps in {} samples", sensor, content.frozen_samples));
+  return c.verdict(Fault::sensor_backlog,
+                   fmt::format("values of sensor {} were the opposite of those before in {} samples", sensor,
+                               content.mirrored_samples));
 }
 
 Judged integration(const Case& c) {
@@ -154,6 +161,12 @@ Judged integration(const Case& c) {
   if (evidence.clamped_ticks != 0) {
     return c.verdict(Fault::controller_integration_error,
                      fmt::format("targets out of their joints' range in {} ticks", evidence.clamped_ticks));
+  }
+  if (evidence.content.reordered_joints != 0) {
+    return c.verdict(
+        Fault::controller_integration_error,
+        fmt::format("{} joints were given one another's targets: is the policy's order of joints the robot's?",
+                    evidence.content.reordered_joints));
   }
   if (evidence.bad_commands)
     return c.verdict(Fault::controller_integration_error, "the executive gave up on bad commands");
@@ -227,7 +240,7 @@ FaultVerdict unknown(const Case& c) {
 
 FaultVerdict judge(const FaultEvidence& evidence, const FaultBaseline& baseline, const FaultRules& rules) {
   const Case judged{evidence, baseline, rules};
-  for (const auto rule : {suspended, drives_and_buses, frozen_imu, integration, base_sensor, age_part, lost_period,
+  for (const auto rule : {suspended, drives_and_buses, sensor_content, integration, base_sensor, age_part, lost_period,
                           silence, lost_replies}) {
     if (auto verdict = rule(judged)) return std::move(*verdict);
   }
@@ -247,7 +260,7 @@ std::vector<FaultVerdict> causes_of(const Case& c) {
   const auto add = [&](Judged verdict) {
     if (verdict && !holds(causes, verdict->fault)) causes.push_back(std::move(*verdict));
   };
-  if (frozen_imu(c) || integration(c) || base_sensor(c)) add(age_part(c));
+  if (sensor_content(c) || integration(c) || base_sensor(c)) add(age_part(c));
   add(lost_period(c));
   return causes;
 }
@@ -306,7 +319,14 @@ FaultVerdict verdict_of(Fault fault, const Explained& one, const FaultBaseline& 
 
 }  // namespace
 
-std::vector<FaultVerdict> judge(const FaultStretch& stretch, const FaultBaseline& baseline, const FaultRules& rules) {
+std::vector<FaultVerdict> judge(const FaultStretch& given, const FaultBaseline& baseline, const FaultRules& rules) {
+  FaultStretch stretch = given;
+  if (met_wrong_sensing(stretch.whole)) {
+    for (FaultEvidence& segment : stretch.segments) {
+      segment.clamped_ticks = 0;
+      segment.bad_commands = segment.bad_commands && !segment.refusals.empty();
+    }
+  }
   const ByCause by_cause = explained_by_cause(stretch, baseline, rules);
   FaultVerdict whole = judge(stretch.whole, baseline, rules);
   std::vector<FaultVerdict> verdicts;

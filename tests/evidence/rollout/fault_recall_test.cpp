@@ -22,10 +22,11 @@ struct Planted {
   double times_moderate;  // dose
 };
 constexpr Planted kPlanted[] = {
-    {"sensor_burst", 1},         {"sensor_dropout", 1.3},     {"estimator_delay", 3}, {"inference_stall", 1},
-    {"inference_mean_shift", 2}, {"gpu_contention", 1},       {"policy_freeze", 1},   {"queue_growth", 1},
-    {"publish_delay", 1},        {"scheduler_preemption", 1}, {"cpu_hog", 1},         {"rt_throttling", 1},
-    {"bad_actions_nan", 1},      {"bad_actions_range", 1},    {"bus_off", 1},
+    {"camera_freeze", 1},        {"sensor_lies", 1},     {"wrong_joint_order", 1}, {"sensor_burst", 1},
+    {"sensor_dropout", 1.3},     {"estimator_delay", 3}, {"inference_stall", 1},   {"inference_mean_shift", 2},
+    {"gpu_contention", 1},       {"policy_freeze", 1},   {"queue_growth", 1},      {"publish_delay", 1},
+    {"scheduler_preemption", 1}, {"cpu_hog", 1},         {"rt_throttling", 1},     {"bad_actions_nan", 1},
+    {"bad_actions_range", 1},    {"bus_off", 1},
 };
 constexpr std::uint64_t kFirstSeed = 101, kSeeds = 3;
 constexpr std::size_t kNone = monitor::kFaultCount;  // column of rollouts without trouble
@@ -34,7 +35,11 @@ monitor::FaultSummary classify(const Planted& planted, std::uint64_t seed) {
   RolloutSetup wanted = test::setup(planted.perturbation, seed);
   wanted.perturbation.dose *= planted.times_moderate;
   monitor::FaultClassifier classifier(monitor::fault_rules_of(test::arm()));
-  wanted.on_command = [&](const CommandChunk& chunk) { classifier.command(chunk.header); };
+  wanted.on_command = [&](const CommandChunk& chunk) { classifier.command(chunk); };
+  wanted.on_shown = [&](const ShownSample& shown) {
+    classifier.sample(shown.sensor, shown.sample.sequence, shown.sample.sensed_at,
+                      {shown.sample.values, shown.sample.value_count});
+  };
   wanted.on_tick = [&](const TickRecord& record) { classifier.tick(record); };
   (void)test::run(wanted);
   return classifier.finish();

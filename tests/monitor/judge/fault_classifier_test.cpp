@@ -18,7 +18,10 @@ constexpr Duration kMaxAge = milliseconds(40);
 class Robot {
  public:
   TickRecord record;
-  FaultClassifier classifier{{.max_age = kMaxAge, .period = milliseconds(1), .joints = {"hip", "knee"}}};
+  FaultClassifier classifier{{.max_age = kMaxAge,
+                              .period = milliseconds(1),
+                              .joints = {"hip", "knee"},
+                              .content = {.sensors = {{.name = "base_imu"}}, .imu = 0}}};
   AgeParts parts{.sense = milliseconds(5),
                  .queue = milliseconds(1),
                  .infer = milliseconds(14),
@@ -139,10 +142,10 @@ TEST(FaultClassifier, ReadsTheCommandThatWasRefusedForItsAge) {
   robot.tick([](TickRecordHeader& header) { header.observation_published = 7; });
   robot.record.header.observation_published = 0;
   robot.run(149);
-  CommandHeader late;
-  late.observation_id = 7;
-  late.infer_started_at = observed + milliseconds(2);
-  late.infer_ended_at = observed + milliseconds(149);
+  CommandChunk late;
+  late.header.observation_id = 7;
+  late.header.infer_started_at = observed + milliseconds(2);
+  late.header.infer_ended_at = observed + milliseconds(149);
   robot.classifier.command(late);
   robot.tick([](TickRecordHeader& header) { header.arrival = Arrival::expired_observation; });
   robot.policy_answers = true;
@@ -439,6 +442,7 @@ TEST(FaultClassifier, AnImuThatRepeatsItsValuesIsASensors) {
   robot.record.header.player = Player::policy;
   const auto sample = [&](int tick, float turn) {
     robot.record.header.imu.sequence = static_cast<std::uint64_t>(tick + 1);
+    robot.record.header.imu.sensed_at = robot.record.header.now;
     robot.record.header.imu.angular_velocity[1] = turn;
     robot.run(1);
   };
@@ -451,7 +455,7 @@ TEST(FaultClassifier, AnImuThatRepeatsItsValuesIsASensors) {
   const auto sentences = robot.sentences();
   ASSERT_EQ(sentences.size(), 1U);
   EXPECT_TRUE(
-      sentences.front().starts_with("sensor_backlog: the base's IMU repeated its values under fresh stamps in 29"))
+      sentences.front().starts_with("sensor_backlog: sensor base_imu repeated its values under fresh stamps in 29"))
       << sentences.front();
 }
 
