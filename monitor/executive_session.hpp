@@ -33,7 +33,7 @@ class ExecutiveSession {
   // See ipc::tell_recorded.
   void tell_recorded(std::uint64_t through_tick) const { ipc::tell_recorded(lease_, through_tick); }
   // See ipc::next_word.
-  [[nodiscard]] std::optional<PolicyWord> next_word() const { return ipc::next_word(lease_); }
+  [[nodiscard]] auto next_word() const { return ipc::next_word(lease_); }
   [[nodiscard]] RingMemories rings() const;
   [[nodiscard]] pid_t pid() const { return pid_; }
 

@@ -19,6 +19,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <variant>
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
@@ -34,9 +35,9 @@
 #include "monitor/judge/run_metrics.hpp"
 #include "monitor/policy_input_session.hpp"
 #include "monitor/record/bounded_file.hpp"
-#include "monitor/record/policy_word_log.hpp"
 #include "monitor/record/record_stream.hpp"
 #include "monitor/record/run_parts.hpp"
+#include "monitor/record/word_log.hpp"
 #include "monitor/run_keeper.hpp"
 
 namespace {
@@ -111,7 +112,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   spdlog::info("recording into {}", folder->path());
   exports.begin(manifest, folder->path(), monotonic_now());
   auto images = std::make_shared<ImageWatch>(options.runtime_directory, robot, *folder);
-  PolicyWordLog words(*folder);
+  WordLog words(*folder);
   (*recorder)->on_seam([&](const RunFolder& next, const RunManifest& of_next) -> RunParts::LastWords {
     spdlog::info("recording goes on in {}", next.path());
     exports.go_on(of_next, next.path(), monotonic_now());
@@ -151,9 +152,9 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     if (std::exchange(told, through) != through) session.tell_recorded(through);
   };
   auto note_words = [&, said = false]() mutable {
-    while (const auto word = session.next_word()) words.note(*word);
+    while (const auto word = session.next_word()) std::visit([&](const auto& one) { words.note(one); }, *word);
     if (!words.failure().empty() && !std::exchange(said, true))
-      spdlog::warn("what the policies' hosts say is not recorded, some or all: {}", words.failure());
+      spdlog::warn("what policies' hosts say and operators ask is not recorded, some or all: {}", words.failure());
   };
   DriveCardCopy cards(options.runtime_directory + "/drives.json");
   // Behind the ticks, so that what is read first is what fills fastest.

@@ -7,6 +7,7 @@
 #include "executive/contract/image_sample.hpp"
 #include "executive/contract/layout.hpp"
 #include "executive/contract/observation.hpp"
+#include "executive/contract/operator_word.hpp"
 #include "executive/contract/policy_input.hpp"
 #include "executive/contract/policy_word.hpp"
 #include "executive/contract/sensor_sample.hpp"
@@ -33,6 +34,7 @@ consteval std::uint64_t contract_layout() {
       .mix(layout_of<RecorderWord>())
       .mix(layout_of<PolicyWord>())
       .mix(layout_of<OperatorReply>())
+      .mix(layout_of<OperatorWord>())
       .value();
 }
 

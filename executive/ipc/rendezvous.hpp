@@ -25,8 +25,10 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
+#include "executive/contract/operator_word.hpp"
 #include "executive/contract/policy_word.hpp"
 #include "executive/contract/session.hpp"
 #include "executive/ipc/descriptor.hpp"
@@ -88,6 +90,7 @@ class RendezvousServer {
   void evict(Role role);                              // closes the connection of every holder; `left` is called
   // To the monitor. False: there is none, or it has not read what it was told before.
   bool pass_on(const PolicyWord& word);
+  bool pass_on(const OperatorWord& word);
   [[nodiscard]] Refusals refusals() const;
   // False: its socket, or the directory, was removed: who is not connected yet cannot connect any more.
   [[nodiscard]] bool has_name() const;
@@ -116,7 +119,7 @@ void tell_recorded(const Lease& lease, std::uint64_t through_tick);
 // A policy's host of itself. Waits for nothing: a word that finds no room is lost. A longer sentence is cut off.
 void tell(const Lease& lease, PolicyWordKind kind, std::string_view sentence, std::uint64_t first_sequence = 0);
 // To a monitor: the next that was passed on; none: no further one yet.
-std::optional<PolicyWord> next_word(const Lease& lease);
+std::optional<std::variant<PolicyWord, OperatorWord>> next_word(const Lease& lease);
 // True once the server closed the connection or died.
 bool is_over(const Lease& lease);
 // A stop takes its own way first (stop_line.hpp) and is under way before anybody has to answer; the error says so.

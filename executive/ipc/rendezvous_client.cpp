@@ -4,7 +4,9 @@
 #include <sys/time.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
+#include <cstring>
 #include <utility>
 
 #include "executive/contract/contract_layout.hpp"
@@ -130,9 +132,20 @@ void tell(const Lease& lease, PolicyWordKind kind, std::string_view sentence, st
   (void)send(lease.connection.get(), &word, sizeof word, MSG_DONTWAIT | MSG_NOSIGNAL);
 }
 
-std::optional<PolicyWord> next_word(const Lease& lease) {
+std::optional<std::variant<PolicyWord, OperatorWord>> next_word(const Lease& lease) {
+  std::array<std::byte, std::max(sizeof(PolicyWord), sizeof(OperatorWord))> bytes;
+  static_assert(sizeof(PolicyWord) != sizeof(OperatorWord));
+  const ssize_t size = recv(lease.connection.get(), bytes.data(), bytes.size(), MSG_DONTWAIT | MSG_TRUNC);
+  if (size == sizeof(OperatorWord)) {
+    OperatorWord word;
+    std::memcpy(&word, bytes.data(), sizeof word);
+    if (word.magic != kMagic) return std::nullopt;
+    make_printable(word.program);
+    make_printable(word.answer);
+    return word;
+  }
   PolicyWord word;
-  const ssize_t size = recv(lease.connection.get(), &word, sizeof word, MSG_DONTWAIT | MSG_TRUNC);
+  std::memcpy(&word, bytes.data(), sizeof word);
   if (!fault_in(word, size).empty()) return std::nullopt;
   make_printable(word.sentence);
   return word;

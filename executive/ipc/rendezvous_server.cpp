@@ -119,7 +119,7 @@ class RendezvousServer::State {
   void serve(std::chrono::milliseconds timeout);
   const Peer* holder(Role role) const;
   void evict(Role role);
-  bool pass_on(const PolicyWord& word) const;
+  bool tell_monitor(std::span<const std::byte> word) const;
   Refusals refusals() const { return refusals_; }
   bool has_name() const { return claim_.has_name(); }
 
@@ -358,11 +358,11 @@ void RendezvousServer::State::hear_policy(Connection& connection, PolicyWord wor
   if (handlers_.said) handlers_.said(connection.peer, word);
 }
 
-bool RendezvousServer::State::pass_on(const PolicyWord& word) const {
+bool RendezvousServer::State::tell_monitor(std::span<const std::byte> word) const {
   const auto monitor = std::ranges::find_if(connections_, [](const Connection& each) {
     return each.stage == Stage::leased && each.peer.hello.role == Role::monitor;
   });
-  return monitor != connections_.end() && send_message(monitor->socket.get(), std::as_bytes(std::span(&word, 1)), {});
+  return monitor != connections_.end() && send_message(monitor->socket.get(), word, {});
 }
 
 void RendezvousServer::State::take_word(Connection& connection, const RecorderWord& word, ssize_t size) {
@@ -440,7 +440,10 @@ void RendezvousServer::evict(Role role) {
   state_->evict(role);
 }
 bool RendezvousServer::pass_on(const PolicyWord& word) {
-  return state_->pass_on(word);
+  return state_->tell_monitor(std::as_bytes(std::span(&word, 1)));
+}
+bool RendezvousServer::pass_on(const OperatorWord& word) {
+  return state_->tell_monitor(std::as_bytes(std::span(&word, 1)));
 }
 bool RendezvousServer::has_name() const {
   return state_->has_name();

@@ -40,7 +40,13 @@ ipc::RendezvousServer::Handlers Reception::handlers() {
           .recorded = [this](const ipc::Peer&, std::uint64_t tick) { parts_.recorded.set(tick); },
           .said = [this](const ipc::Peer&, const PolicyWord& word) { words_.take(word, SystemClock().now()); },
           .left = [this](const ipc::Peer& peer) { take_leave(peer); },
-          .request = [this](const ipc::Peer&, const OperatorMessage& message) { return answer(message); }};
+          .request =
+              [this](const ipc::Peer& peer, const OperatorMessage& message) {
+                const MonoTime heard_at = SystemClock().now();
+                const OperatorReply reply = answer(message);
+                operators_.note(peer, message.verb, reply, heard_at);
+                return reply;
+              }};
 }
 
 void Reception::set_realtime(bool realtime, bool allow_non_realtime) {
@@ -54,6 +60,7 @@ void Reception::serve(std::chrono::milliseconds timeout) {
   parts_.fallback_mailboxes.settle();
   parts_.candidate_mailboxes.settle();
   tell_policy_words();
+  operators_.pass_all([this](const OperatorWord& word) { return server_->pass_on(word); });
 }
 
 void Reception::tell_policy_words() {

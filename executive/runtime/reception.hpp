@@ -30,6 +30,7 @@
 #include "executive/runtime/admission.hpp"
 #include "executive/runtime/mailbox_handover.hpp"
 #include "executive/runtime/operator_inbox.hpp"
+#include "executive/runtime/operator_log.hpp"
 #include "executive/runtime/policy_words.hpp"
 #include "executive/runtime/published_segments.hpp"
 #include "executive/runtime/recorded_through.hpp"
@@ -116,6 +117,7 @@ class Reception {
       0;  // of policy and candidate: what follows another one differs from it, whoever is in charge
   std::uint8_t fallback_sessions_ = 0;
   PolicyWords words_;
+  OperatorLog operators_;
   bool realtime_ = false;
   bool allow_non_realtime_ = false;
   bool shutting_down_ = false;

@@ -16,7 +16,7 @@
 #include "executive/contract/policy_word.hpp"
 #include "monitor/judge/script.hpp"
 #include "monitor/record/bounded_file.hpp"
-#include "monitor/record/policy_word_log.hpp"
+#include "monitor/record/word_log.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -211,11 +211,22 @@ std::vector<CommandSource> sources_in(const std::vector<RunEvent>& events) {
   return sources;
 }
 
+std::vector<NotedRequest> requests_in(const std::vector<RunEvent>& events) {
+  std::vector<NotedRequest> requests;
+  for (const RunEvent& event : events)
+    if (event.event == kOperatorEvent && event.is_sealed)
+      requests.push_back({event.at, config::printable(event.action), config::printable(event.process),
+                          config::printable(event.what), event.pid, event.uid, event.done});
+  std::ranges::stable_sort(requests, {}, &NotedRequest::at);
+  return requests;
+}
+
 }  // namespace
 
 void judge_end(RunMetrics& metrics, const RecordedRun& run) {
   const std::vector<RunEvent> events = read_run_events(run.folder);
   metrics.command_sources = sources_in(events);
+  metrics.requests = requests_in(events);
   const Script script(events, run.robot);
   metrics.record_gap = gap_of(metrics, run, script);
   if (!metrics.record_gap.empty()) {

@@ -72,6 +72,15 @@ struct CommandSource {
   std::uint64_t superseded = 0;      // sources before it that followed too fast to be recorded
 };
 
+// Who asked for what of the robot, as the executive's kernel says.
+struct NotedRequest {
+  MonoTime at;
+  std::string action;           // "arm"
+  std::string program, answer;  // printable
+  std::int64_t pid = 0, uid = 0;
+  bool done = false;
+};
+
 struct RunMetrics {
   std::uint64_t ticks = 0, first_tick = 0, last_tick = 0;
   MonoTime start;  // of the first recorded tick
@@ -102,6 +111,7 @@ struct RunMetrics {
   std::vector<Incident> incidents;     // the first kListedIncidents
   std::uint64_t incident_count = 0;
   std::map<std::uint64_t, StopOrigin> stop_origins;  // by the incident's tick
+  std::vector<NotedRequest> requests;                // in time
   std::vector<CommandSource> command_sources;        // in time; empty: the policies' hosts made them all
   // Why nothing can be said of the whole run, in a sentence; empty: the record reaches from the first tick to the end.
   std::string record_gap;

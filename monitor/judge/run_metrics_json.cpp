@@ -146,6 +146,15 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
                                       {"candidate", fmt::format("{:016x}", each.candidate)}});
   json["ticks_without_fallback"] = metrics.ticks_without_fallback;
   json["arrivals"] = counts_json<Arrival>(metrics.arrivals);
+  json["requests"] = Json::array();
+  for (const NotedRequest& each : metrics.requests)
+    json["requests"].push_back({{"monotonic_ns", each.at.ns},
+                                {"action", each.action},
+                                {"done", each.done},
+                                {"pid", each.pid},
+                                {"uid", each.uid},
+                                {"program", each.program},
+                                {"answer", each.answer}});
   json["command_sources"] = Json::array();
   for (const CommandSource& each : metrics.command_sources)
     json["command_sources"].push_back({{"monotonic_ns", each.at.ns},

@@ -11,7 +11,7 @@
 #include "config/printable.hpp"
 #include "executive/contract/policy_word.hpp"
 #include "executive/incident/log_hint.hpp"
-#include "monitor/record/policy_word_log.hpp"
+#include "monitor/record/word_log.hpp"
 
 namespace takt::monitor {
 namespace {

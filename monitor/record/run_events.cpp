@@ -9,9 +9,9 @@
 
 #include "executive/contract/monotonic_clock.hpp"
 #include "monitor/record/bounded_file.hpp"
-#include "monitor/record/policy_word_log.hpp"
 #include "monitor/record/run_manifest.hpp"
 #include "monitor/record/run_seal.hpp"
+#include "monitor/record/word_log.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -47,7 +47,10 @@ std::optional<RunEvent> event_of(std::string_view line) {
                  .how = text("how"),
                  .length = Duration{number("length_ns")},
                  .first_sequence = count("first_sequence"),
-                 .superseded = count("superseded")};
+                 .superseded = count("superseded"),
+                 .pid = number("pid"),
+                 .uid = number("uid"),
+                 .done = json.value("done", Json(false)) == Json(true)};
   if (event.event.empty() || event.at < MonoTime{1} || event.at > kLatest) return std::nullopt;
   event.length = std::clamp(event.length, Duration{}, kLongest);
   return event;
@@ -72,14 +75,16 @@ std::vector<RunEvent> read_run_events(const RunFolder& folder) {
   const auto text = read_file(folder.path() + "/" + std::string(kEventsFile));
   if (!text) return events;
   const std::uint64_t sealed = sealed_event_bytes(folder).value_or(text->size());
-  std::size_t of_script = 0, of_policies = 0;
+  std::size_t of_script = 0, of_policies = 0, of_operators = 0;
   for (std::size_t begin = 0; begin < text->size();) {
     const std::size_t end = std::min(text->find('\n', begin), text->size());
     if (auto event = event_of(std::string_view(*text).substr(begin, end - begin))) {
       event->is_sealed = end <= sealed;
-      std::size_t& taken = event->event == kPolicyEvent ? of_policies : of_script;
+      std::size_t& taken = event->event == kPolicyEvent     ? of_policies
+                           : event->event == kOperatorEvent ? of_operators
+                                                            : of_script;
       if (taken < kMostRunEvents) events.push_back(std::move(*event));
-      if (++taken > kMostRunEvents && std::min(of_script, of_policies) > kMostRunEvents) break;
+      if (++taken > kMostRunEvents && std::min({of_script, of_policies, of_operators}) > kMostRunEvents) break;
     }
     begin = end + 1;
   }

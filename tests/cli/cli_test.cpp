@@ -550,12 +550,19 @@ TEST_F(Cli, RunFollowsItsScriptAndLeavesOnlyTheRunFolder) {
   std::ifstream file(in("run/events.jsonl"));
   std::vector<std::string> told;
   std::string said;  // of the policy, by the executive: beside what this process writes
+  std::vector<std::string> asked;
   for (std::string line; std::getline(file, line);) {
     const auto event = nlohmann::json::parse(line);
     const std::string name = event.at("event");
     if (name == "started") continue;
     if (name == "policy") {
       said = event.at("what");
+      continue;
+    }
+    if (name == "operator") {
+      asked.push_back(event.at("action"));
+      EXPECT_EQ(event.at("uid"), getuid()) << line;
+      EXPECT_EQ(event.at("process"), "takt") << line;
       continue;
     }
     EXPECT_GT(event.at("monotonic_ns").get<std::int64_t>(), 0) << line;
@@ -576,6 +583,8 @@ TEST_F(Cli, RunFollowsItsScriptAndLeavesOnlyTheRunFolder) {
                                           "ended takt-monitor"};
   EXPECT_EQ(told, expected);
   EXPECT_EQ(said.find("its host left (takt-policy-host, pid "), 0U) << said;
+  ASSERT_FALSE(asked.empty());
+  EXPECT_EQ(asked.back(), "arm") << "the last one, which was granted";
   const auto seal = nlohmann::json::parse(std::ifstream(in("run/seal.json")));
   EXPECT_EQ(seal.at("segments").at("events.jsonl").size(), 1U);
 }

@@ -137,7 +137,9 @@ void print_causes() {
 ## Which cause leads where
 
 The gravest cause is first: of all that hold in a tick, the first one that leads on from the present mode decides.
-`temperature_high` and `following_error` are told and lead nowhere, unless the robot file degrades the robot by them.
+`temperature_high` is told and leads nowhere, unless `degraded.by_temperature` is true; `following_error` likewise,
+unless `feedback.following` is `degrade`.
+"Clears when" says when a cause no longer blocks arming; a reset asks only for rest and for what "blocks a reset".
 What each cause is, and what it leaves to other devices: [hazards.md](hazards.md).
 
 | cause | leads | power | within | blocks a reset | clears when |

@@ -83,7 +83,7 @@ inline constexpr std::array kGivenRules{
 };
 
 inline constexpr std::array kStopRules{
-    Rule{"A press is `takt stop`. `takt top`, `takt run`, DDS and a policy ask for a stop as a program does.",
+    Rule{"A press is `takt stop`. `takt top`, Ctrl-C of `takt run`, DDS and a policy ask for a stop as a program does.",
          "reception_test ReceptionTest.APressIsAskedForOnceAlthoughItIsAnsweredElsewhere"},
     Rule{"A second press takes the power of every drive: 0.2 s or more after the first, until standby.",
          "pipeline_test OperatorStop.TheSecondPressTakesThePowerAway"},

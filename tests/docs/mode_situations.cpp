@@ -287,7 +287,7 @@ std::vector<Setup> setups() {
          robot.stop();
          robot.go(3000);
        }},
-      {"damped_stop", "`how: rest`, a robot without `model` and `imu`", damped_stop, 0, without_model,
+      {"damped_stop", "`how: rest`, a robot with neither `model` nor `imu`", damped_stop, 0, without_model,
        [](Robot& robot) { robot.stop(); }},
       {"damped_stop", "`how: damping`", damped_stop, 0, [] { return stopped_by(StopManner::damping); },
        [](Robot& robot) {
@@ -323,7 +323,7 @@ std::vector<Setup> setups() {
          lose_a_drive(robot);
          robot.go(3000);
        }},
-      {"fault_latched", "every other joint of a robot without `model` and `imu`", fault_latched, 0, without_model,
+      {"fault_latched", "every other joint of a robot with neither `model` nor `imu`", fault_latched, 0, without_model,
        lose_a_drive},
       {"fault_latched", "every joint, after `internal_error`", fault_latched, 0, two_arms,
        [](Robot& robot) {

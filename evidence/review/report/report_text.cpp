@@ -136,6 +136,20 @@ std::string marks(const RunMetrics& metrics, std::size_t most) {
   return text;
 }
 
+// Who armed, stopped and reset; nothing where no recorder was told.
+std::string requests(const RunMetrics& metrics, std::size_t most) {
+  if (metrics.requests.empty()) return "";
+  std::string text = fmt::format("requests      {}\n", metrics.requests.size());
+  for (std::size_t index = 0; index < std::min(most, metrics.requests.size()); ++index) {
+    const NotedRequest& each = metrics.requests[index];
+    text +=
+        fmt::format("  {:>+10.3f} s  {} by pid {} ({}), user {}{}\n", (each.at - metrics.start).seconds(), each.action,
+                    each.pid, each.program, each.uid, each.done ? "" : fmt::format(": refused: {}", each.answer));
+  }
+  if (metrics.requests.size() > most) text += fmt::format("  and {} more\n", metrics.requests.size() - most);
+  return text;
+}
+
 // Nothing where the policies' hosts made their commands themselves, or did not say who did.
 std::string command_sources(const RunMetrics& metrics, std::size_t most) {
   std::string text;
@@ -342,7 +356,7 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
     text += fmt::format("  {:<12} {}\n", "together", together);
   text += "  consecutive ticks share a command: the per-tick bound is optimistic, quote the one per command\n\n";
   text += fmt::format("modes         {}\n", modes_line(metrics)) + transitions(metrics, most) +
-          candidate(metrics, most) + catches(metrics, run, most) + marks(metrics, most);
+          requests(metrics, most) + candidate(metrics, most) + catches(metrics, run, most) + marks(metrics, most);
   const auto arrival = [](std::size_t index) { return takt::name(static_cast<Arrival>(index)); };
   text += fmt::format("commands      accepted {}; refused: {}\n",
                       metrics.arrivals[static_cast<std::size_t>(Arrival::accepted)],

@@ -346,13 +346,40 @@ TEST_F(ReceptionTest, WhatKeepsAPolicyFromAnsweringIsTold) {
   const ipc::Lease monitor = ipc::attach(path(), hello(Role::monitor), 5s).value();
   const auto hears = [&](const std::string& sentence) {
     for (int i = 0; i < 400; ++i, std::this_thread::sleep_for(5ms))
-      if (const auto word = ipc::next_word(monitor)) return word->sentence == sentence && word->role == Role::policy;
+      if (const auto any = ipc::next_word(monitor))
+        if (const auto* const word = std::get_if<PolicyWord>(&*any))
+          return word->sentence == sentence && word->role == Role::policy;
     return false;
   };
   EXPECT_TRUE(hears("sensor target: no sample yet"));
   ipc::tell(policy, PolicyWordKind::problem, "");
   EXPECT_TRUE(hears(""));
   EXPECT_TRUE(says(OperatorVerb::arm, "no fresh command: the policy host's log says why"));
+}
+
+// Also what was asked before a recorder came.
+TEST_F(ReceptionTest, TheRecorderHearsWhoAskedForWhat) {
+  (void)ask(OperatorVerb::status);
+  (void)ask(OperatorVerb::arm);
+  const ipc::Lease monitor = ipc::attach(path(), hello(Role::monitor), 5s).value();
+  const auto next = [&]() -> std::optional<OperatorWord> {
+    for (int i = 0; i < 400; ++i, std::this_thread::sleep_for(5ms))
+      if (const auto any = ipc::next_word(monitor))
+        if (const auto* const word = std::get_if<OperatorWord>(&*any)) return *word;
+    return std::nullopt;
+  };
+  const auto arm = next();
+  ASSERT_TRUE(arm);
+  EXPECT_EQ(arm->verb, OperatorVerb::arm);
+  EXPECT_EQ(arm->done, 0);
+  EXPECT_EQ(arm->pid, getpid());
+  EXPECT_EQ(arm->uid, getuid());
+  EXPECT_STREQ(arm->program, std::string(program_invocation_short_name).substr(0, 15).c_str());
+  EXPECT_STRNE(arm->answer, "");
+  (void)ask(OperatorVerb::mark);
+  const auto mark = next();
+  ASSERT_TRUE(mark);
+  EXPECT_EQ(mark->verb, OperatorVerb::mark);
 }
 
 TEST_F(ReceptionTest, StatusRepeatsEveryWatchdogWaiver) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Goal: what a policy's host says is in the run folder and reads as it was said, in each part of the run; more than
 // fits is bounded, in the file and for a reader. Method: words by hand into a folder, read by the run's own reader.
-#include "monitor/record/policy_word_log.hpp"
+#include "monitor/record/word_log.hpp"
 
 #include <gtest/gtest.h>
 
@@ -16,7 +16,7 @@
 namespace takt::monitor {
 namespace {
 
-class PolicyWordLogTest : public TemporaryFolder {
+class WordLogTest : public TemporaryFolder {
  protected:
   static PolicyWord word(PolicyWordKind kind, const std::string& sentence, std::uint64_t first_sequence = 0) {
     PolicyWord word;
@@ -32,8 +32,8 @@ class PolicyWordLogTest : public TemporaryFolder {
   }
 };
 
-TEST_F(PolicyWordLogTest, ReadsAsItWasSaid) {
-  PolicyWordLog log(folder("run"));
+TEST_F(WordLogTest, ReadsAsItWasSaid) {
+  WordLog log(folder("run"));
   PolicyWord source = word(PolicyWordKind::source, "policy server \"far\" (01)", 71);
   source.superseded = 3;
   log.note(source);
@@ -53,8 +53,8 @@ TEST_F(PolicyWordLogTest, ReadsAsItWasSaid) {
   EXPECT_EQ(events[2].what, "");
 }
 
-TEST_F(PolicyWordLogTest, EachPartSaysWhatStands) {
-  PolicyWordLog log(folder("run"));
+TEST_F(WordLogTest, EachPartSaysWhatStands) {
+  WordLog log(folder("run"));
   log.note(word(PolicyWordKind::source, "policy server far", 1));
   log.note(word(PolicyWordKind::problem, "its policy left"));
   log.note(word(PolicyWordKind::problem, ""));
@@ -64,18 +64,47 @@ TEST_F(PolicyWordLogTest, EachPartSaysWhatStands) {
   EXPECT_EQ(events[0].what, "policy server far");
 }
 
-TEST_F(PolicyWordLogTest, ALotIsBoundedAndLeavesRoomForTheScript) {
-  PolicyWordLog log(folder("run"));
+TEST_F(WordLogTest, WhoAskedForWhatReadsAsItWasTold) {
+  WordLog log(folder("run"));
+  OperatorWord word;
+  word.heard_at = monotonic_now();
+  word.pid = 812;
+  word.uid = 1000;
+  word.verb = OperatorVerb::arm;
+  std::string_view("takt").copy(word.program, sizeof word.program - 1);
+  std::string_view("no fresh command").copy(word.answer, sizeof word.answer - 1);
+  log.note(word);
+  word.verb = OperatorVerb::deenergise;
+  word.done = 1;
+  log.note(word);
+  const auto events = read_run_events(folder("run"));
+  ASSERT_EQ(events.size(), 2U);
+  EXPECT_EQ(events[0].event, kOperatorEvent);
+  EXPECT_EQ(events[0].action, "arm");
+  EXPECT_EQ(events[0].process, "takt");
+  EXPECT_EQ(events[0].what, "no fresh command");
+  EXPECT_EQ(events[0].pid, 812);
+  EXPECT_EQ(events[0].uid, 1000);
+  EXPECT_FALSE(events[0].done);
+  EXPECT_EQ(events[1].action, "de-energise");
+  EXPECT_TRUE(events[1].done);
+}
+
+TEST_F(WordLogTest, ALotIsBoundedAndLeavesRoomForTheScript) {
+  WordLog log(folder("run"));
   for (std::size_t i = 0; i < kMostRunEvents + 10; ++i) log.note(word(PolicyWordKind::problem, std::to_string(i)));
+  OperatorWord mark;
+  mark.heard_at = monotonic_now();
+  for (std::size_t i = 0; i < kMostRunEvents + 10; ++i) log.note(mark);
   std::ofstream(path("run") + "/events.jsonl", std::ios::app)
       << event_line("script", monotonic_now(), {{"given", "--at"}});
   const auto events = read_run_events(folder("run"));
-  ASSERT_EQ(events.size(), kMostRunEvents + 1);
+  ASSERT_EQ(events.size(), 2 * kMostRunEvents + 1);
   EXPECT_EQ(events.back().event, "script");
 }
 
-TEST_F(PolicyWordLogTest, AFolderThatIsGoneIsSaid) {
-  PolicyWordLog log(RunFolder(path("nowhere")));
+TEST_F(WordLogTest, AFolderThatIsGoneIsSaid) {
+  WordLog log(RunFolder(path("nowhere")));
   log.note(word(PolicyWordKind::problem, "its policy left"));
   EXPECT_NE(log.failure(), "");
 }

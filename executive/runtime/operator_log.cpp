@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "executive/runtime/operator_log.hpp"
+
+#include <spdlog/spdlog.h>
+
+#include <fstream>
+#include <string>
+#include <string_view>
+
+namespace takt::runtime {
+namespace {
+
+// Empty: the process has ended.
+std::string program_of(pid_t pid) {
+  std::string program;
+  std::getline(std::ifstream("/proc/" + std::to_string(pid) + "/comm"), program);
+  for (char& c : program)
+    if (c < ' ' || c > '~') c = '?';
+  return program;
+}
+
+}  // namespace
+
+void OperatorLog::note(const ipc::Peer& peer, OperatorVerb verb, const OperatorReply& reply, MonoTime heard_at) {
+  if (verb == OperatorVerb::status) return;
+  OperatorWord word;
+  word.heard_at = heard_at;
+  word.pid = peer.pid;
+  word.uid = peer.uid;
+  word.verb = verb;
+  word.done = reply.done;
+  program_of(peer.pid).copy(word.program, sizeof word.program - 1);
+  const std::string_view said(reply.sentences);  // zero-terminated
+  said.substr(0, said.find('\n')).copy(word.answer, sizeof word.answer - 1);
+  spdlog::info("{} by pid {} ({}), user {}: {}", name(verb), word.pid, word.program, word.uid,
+               word.answer[0] != '\0' ? word.answer
+               : word.done != 0       ? "done"
+                                      : "refused");
+  if (waiting_.size() == kMost) waiting_.pop_front();
+  waiting_.push_back(word);
+}
+
+void OperatorLog::pass_all(const std::function<bool(const OperatorWord&)>& pass) {
+  while (!waiting_.empty() && pass(waiting_.front())) waiting_.pop_front();
+}
+
+}  // namespace takt::runtime
