@@ -76,8 +76,8 @@ class RendezvousServer {
   };
   // Creates the socket with mode 0660 (its directory made with mode 0750 if absent, a dead predecessor's socket
   // replaced, a live one refused with its sentence). `allowed_uid`: peers of any other uid but root are refused; when
-  // it is not our own, socket and a directory made here are given to it. `policy_uid`: one more user, who may be a
-  // policy or read a sensor, and nothing else: not ask, so not arm.
+  // it is not our own, socket and a directory made here are given to it. `policy_uid`: one more user, with those of
+  // policy_users.hpp; they may be policies or read a sensor, and nothing else: not ask, so not arm.
   static std::expected<RendezvousServer, std::string> listen(const std::string& path, uid_t allowed_uid,
                                                              Handlers handlers, std::optional<uid_t> policy_uid = {});
   RendezvousServer(RendezvousServer&&) noexcept;

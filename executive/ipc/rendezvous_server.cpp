@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "executive/ipc/hello_check.hpp"
+#include "executive/ipc/policy_users.hpp"
 #include "executive/ipc/rendezvous.hpp"
 #include "executive/ipc/socket_claim.hpp"
 #include "executive/ipc/unix_socket.hpp"
@@ -111,7 +112,10 @@ void close_politely(Descriptor& socket) {
 class RendezvousServer::State {
  public:
   State(SocketClaim claim, uid_t allowed_uid, std::optional<uid_t> policy_uid, Handlers handlers)
-      : claim_(std::move(claim)), allowed_uid_(allowed_uid), policy_uid_(policy_uid), handlers_(std::move(handlers)) {}
+      : claim_(std::move(claim)),
+        allowed_uid_(allowed_uid),
+        policy_users_(PolicyUsers::around(policy_uid)),
+        handlers_(std::move(handlers)) {}
   ~State();
   State(const State&) = delete;
   State& operator=(const State&) = delete;
@@ -135,9 +139,12 @@ class RendezvousServer::State {
 
   int wait_time(std::chrono::milliseconds timeout) const;
   bool is_ours(const Peer& peer) const { return (peer.uid == allowed_uid_ || peer.uid == 0) && !peer.confined; }
-  bool may_be_policy(const Peer& peer) const {
-    return peer.uid == policy_uid_ || (peer.confined && (peer.uid == allowed_uid_ || peer.uid == 0));
+  bool is_confined_self(const Peer& peer) const { return peer.confined && (peer.uid == allowed_uid_ || peer.uid == 0); }
+  bool may_be_policy(const Peer& peer) const { return policy_users_.include(peer.uid) || is_confined_self(peer); }
+  bool has_seat(const Peer& peer, Role role) const {
+    return is_for_policies(role) && (is_confined_self(peer) || policy_users_.may_be(peer.uid, role));
   }
+  std::ptrdiff_t connections_like(const Peer& peer) const;
   static bool must_speak(const Connection& connection);
   void accept_newcomer();
   void make_room(const Connection& newcomer);
@@ -154,7 +161,7 @@ class RendezvousServer::State {
 
   SocketClaim claim_;
   uid_t allowed_uid_;
-  std::optional<uid_t> policy_uid_;
+  PolicyUsers policy_users_;
   Handlers handlers_;
   Refusals refusals_;
   std::list<Connection> connections_;  // a list: holder() hands out addresses
@@ -238,13 +245,19 @@ void RendezvousServer::State::accept_newcomer() {
   connection.peer.confined = is_confined(credentials, allowed_uid_);
   connection.since = Clock::now();
   if (is_ours(connection.peer)) return make_room(connection);
-  const auto held = std::ranges::count_if(
-      connections_, [&](const Connection& each) { return each.stage != Stage::closed && !is_ours(each.peer); });
-  if (static_cast<std::size_t>(held) > kMaxPolicyConnections) {
+  if (connections_like(connection.peer) > static_cast<std::ptrdiff_t>(kMaxPolicyConnections)) {
     refuse(connection, refusals_.unwelcome,
            "the policy's user holds " + std::to_string(kMaxPolicyConnections) +
                " connections already: close some, then try again");
   }
+}
+
+// Each policy's user has its own; those who may not connect share theirs until they are told.
+std::ptrdiff_t RendezvousServer::State::connections_like(const Peer& peer) const {
+  return std::ranges::count_if(connections_, [&](const Connection& each) {
+    const bool alike = may_be_policy(peer) ? each.peer.uid == peer.uid : !may_be_policy(each.peer);
+    return each.stage != Stage::closed && !is_ours(each.peer) && alike;
+  });
 }
 
 // An operator who connected speaks at once: whoever is quiet longest is none in need.
@@ -302,10 +315,12 @@ void RendezvousServer::State::greet(Connection& connection, Hello hello, ssize_t
   if (const std::string fault = fault_in(hello, size); !fault.empty()) {
     return refuse(connection, refusals_.malformed, fault);
   }
-  if (!ours && !is_for_policies(hello.role)) {
-    const std::string who = connection.peer.confined ? "pid " + std::to_string(connection.peer.pid) +
-                                                           " runs in another user namespace, as a policy does,"
-                                                     : "user " + std::to_string(uid) + " is the policy's";
+  if (!ours && !has_seat(connection.peer, hello.role)) {
+    const std::string user = "user " + std::to_string(uid);
+    const std::string who = is_for_policies(hello.role) ? user + " is another policy's"
+                            : connection.peer.confined  ? "pid " + std::to_string(connection.peer.pid) +
+                                                             " runs in another user namespace, as a policy does,"
+                                                       : user + " is the policy's";
     return refuse(connection, refusals_.unwelcome,
                   who + " and may not be " + std::string(name(hello.role)) + ": run as user " +
                       std::to_string(allowed_uid_) + " or root");

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Goal: a fenced process ends no other, empties and makes no file, and changes no other's scheduling class, with every
-// version of Landlock. Method: a child behind the fence of each version tries; what it got done is its exit code.
+// version of Landlock; policies of root share no user. Method: a child behind the fence of each version tries; what it
+// got done is its exit code.
 #include "policy_host/boundary.hpp"
 
 #include <fcntl.h>
@@ -11,10 +12,14 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <cstdint>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <string>
+
+#include "executive/ipc/policy_users.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -72,6 +77,47 @@ TEST_F(Boundary, WithoutLandlockFilesAreMadeAndNothingElse) {
   EXPECT_EQ(done_behind(0), made);
   EXPECT_EQ(fs::file_size(file_), 8U);
   fs::remove(file_ + ".new");
+}
+
+// Two children behind the boundary try a file that root alone may read; the kernel says as whom.
+// Threat: policy-fallback
+TEST_F(Boundary, OfRootEachPolicyIsAUserOfItsOwnAndReadsWhatRootReads) {
+  if (geteuid() != 0) GTEST_SKIP() << "SKIPPED: root's alone";
+  fs::permissions(file_, fs::perms::owner_read);
+  const auto behind = [&](const Grants& grants) {
+    struct {
+      uid_t user = 0;
+      std::size_t gaps = 0;
+      bool reads = false, writes = true;
+      pid_t pid = 0;
+    } seen;
+    std::array<int, 2> ends{};
+    EXPECT_EQ(pipe2(ends.data(), O_CLOEXEC), 0);
+    seen.pid = fork();
+    if (seen.pid == 0) {
+      seen.pid = getpid();
+      seen.gaps = go_behind_boundary(grants).size();
+      seen.user = geteuid();
+      seen.reads = open(file_.c_str(), O_RDONLY | O_CLOEXEC) >= 0;
+      seen.writes = access(file_.c_str(), W_OK) == 0;
+      _exit(write(ends[1], &seen, sizeof seen) == sizeof seen ? 0 : 1);
+    }
+    close(ends[1]);
+    EXPECT_EQ(read(ends[0], &seen, sizeof seen), static_cast<ssize_t>(sizeof seen));
+    close(ends[0]);
+    waitpid(seen.pid, nullptr, 0);
+    return seen;
+  };
+  const auto first = behind({}), second = behind({});
+  if (first.gaps != 0 && std::getenv("TAKT_REQUIRE_NAMESPACES") == nullptr)
+    GTEST_SKIP() << "SKIPPED: this machine refuses a layer";
+  for (const auto& seen : {first, second}) {
+    EXPECT_EQ(seen.user, ipc::kFirstOwnUser + static_cast<uid_t>(seen.pid));
+    EXPECT_TRUE(seen.reads);
+    EXPECT_FALSE(seen.writes);
+  }
+  EXPECT_NE(first.user, second.user);
+  EXPECT_EQ(behind({.writable = {testing::TempDir()}}).user, 0U) << "its folders are root's";
 }
 
 TEST_F(Boundary, SaysWhatItLacks) {

@@ -16,6 +16,7 @@
 #include <random>
 
 #include "executive/contract/contract_layout.hpp"
+#include "executive/ipc/policy_users.hpp"
 #include "executive/ipc/segment.hpp"
 #include "executive/ipc/unix_socket.hpp"
 #include "tests/executive/ipc/rendezvous_server_thread.hpp"
@@ -529,6 +530,64 @@ TEST_F(Rendezvous, ThePolicysUserMayOnlyBeAPolicy) {
   ASSERT_FALSE(monitor);
   EXPECT_TRUE(contains(monitor.error(), "user 65534 is the policy's and may not be monitor")) << monitor.error();
   EXPECT_FALSE(request);
+}
+
+// Root's `takt run` gives each policy a user of its own, whom no option names; under systemd options name them.
+TEST_F(Rendezvous, AUserOfOnesOwnIsAPolicyAndWhereOthersHaveNamesACandidateOnly) {
+  if (geteuid() != 0) GTEST_SKIP() << "SKIPPED: only root can connect as another user";
+  const auto seats = [&](std::optional<uid_t> named) {
+    const ServerThread server(path_, admit_all(), geteuid(), named);
+    let_everybody_in();
+    EXPECT_EQ(seteuid(kFirstOwnUser + 7), 0);
+    std::vector<std::string> taken;
+    for (const Role role : {Role::policy, Role::fallback_policy, Role::candidate_policy, Role::sensor_reader,
+                            Role::monitor, Role::viewer, Role::input_reader})
+      if (attach(path_, hello_of(role), kTimeout)) taken.emplace_back(name(role));
+    if (ask(path_, OperatorVerb::arm, kTimeout)) taken.emplace_back("asks");
+    EXPECT_EQ(seteuid(0), 0);
+    return taken;
+  };
+  using Names = std::vector<std::string>;
+  EXPECT_EQ(seats({}), (Names{"policy", "fallback policy", "candidate policy", "sensor reader"}));
+  EXPECT_EQ(seats(kPolicyUser), (Names{"candidate policy", "sensor reader"}));
+}
+
+TEST_F(Rendezvous, APolicyThatTakesAllConnectionsOfItsUserTakesNoneOfAnothers) {
+  if (geteuid() != 0) GTEST_SKIP() << "SKIPPED: only root can connect as another user";
+  const ServerThread server(path_, admit_all(), geteuid(), kPolicyUser);
+  let_everybody_in();
+  std::vector<Lease> held;
+  ASSERT_EQ(seteuid(kPolicyUser), 0);
+  for (std::size_t i = 0; i < kMaxPolicyConnections; ++i)
+    if (auto lease = attach(path_, hello_of(Role::sensor_reader), kTimeout)) held.push_back(std::move(*lease));
+  const auto more = attach(path_, hello_of(Role::policy), kTimeout);
+  ASSERT_EQ(seteuid(0), 0);
+  ASSERT_EQ(seteuid(kFirstOwnUser + 7), 0);
+  const auto other = attach(path_, hello_of(Role::candidate_policy), kTimeout);
+  ASSERT_EQ(seteuid(0), 0);
+  EXPECT_EQ(held.size(), kMaxPolicyConnections);
+  EXPECT_FALSE(more);
+  EXPECT_TRUE(other) << other.error();
+}
+
+// Threat: policy-seat
+TEST(PolicyUsers, HaveASeatEach) {
+  constexpr uid_t kMain = 1, kFallback = 2, kBridge = 3, kOther = 4;
+  const PolicyUsers all{.policy = kMain, .fallback = kFallback, .bridge = kBridge};
+  const auto seats = [](const PolicyUsers& users, uid_t uid) {
+    std::string taken;
+    for (const Role role : {Role::policy, Role::fallback_policy, Role::candidate_policy})
+      taken += users.include(uid) && users.may_be(uid, role) ? '1' : '0';
+    return taken;
+  };
+  EXPECT_EQ(seats(all, kMain), "101");
+  EXPECT_EQ(seats(all, kFallback), "010");
+  EXPECT_EQ(seats(all, kBridge), "100");
+  EXPECT_EQ(seats(all, kOther), "000");
+  EXPECT_EQ(seats({.policy = kMain}, kMain), "111") << "a machine without the other users";
+  const auto root = PolicyUsers::around(0);
+  EXPECT_EQ(root.policy, 0U);
+  EXPECT_FALSE(root.fallback) << "no machine has a user root-fallback";
 }
 
 TEST_F(Rendezvous, ClientSaysWhatIsWrongWithoutAServer) {

@@ -123,7 +123,7 @@ TEST_F(Engines, AGoodPluginIsWaitedWith) {
 
 // Goal: under systemd the host of a policy ends, reads and writes nothing of another host's, the fallback policy's,
 // though both are one user's. Method: a plugin that tries, in a host as the units start it, and in one without.
-// Threat: policy-fallback
+// Threat: policy-fence
 TEST_F(Engines, AFencedOneReachesNoOtherProcessOfItsUser) {
   const pid_t victim = fork();
   if (victim == 0) {
