@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <glob.h>
-#include <grp.h>
 #include <linux/capability.h>
 #include <linux/seccomp.h>
 #include <sched.h>
@@ -13,7 +12,6 @@
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -103,40 +101,26 @@ std::function<void()> all_ids_from_outside() {
   };
 }
 
-// With the rights of no administrator, in its own namespace too: of root's, reading is left.
+// With the rights of no administrator, in its own namespace too: of root's, opening files is left.
+constexpr std::array kOpensFiles{CAP_DAC_READ_SEARCH, CAP_DAC_OVERRIDE};
+
 void drop_capabilities() {
-  for (unsigned long capability = 0; prctl(PR_CAPBSET_READ, capability, 0, 0, 0) >= 0; ++capability)
-    if (capability != CAP_DAC_READ_SEARCH) prctl(PR_CAPBSET_DROP, capability, 0, 0, 0);
+  for (int capability = 0; prctl(PR_CAPBSET_READ, capability, 0, 0, 0) >= 0; ++capability)
+    if (std::ranges::find(kOpensFiles, capability) == kOpensFiles.end()) prctl(PR_CAPBSET_DROP, capability, 0, 0, 0);
 }
 
-bool keep_reading_only() {
-  constexpr std::uint32_t kRead = 1U << CAP_DAC_READ_SEARCH;
-  __user_cap_header_struct header{.version = _LINUX_CAPABILITY_VERSION_3, .pid = 0};
-  const std::array<__user_cap_data_struct, 2> data{{{kRead, kRead, kRead}, {0, 0, 0}}};
-  return syscall(SYS_capset, &header, data.data()) == 0 &&
-         prctl(PR_CAP_AMBIENT, PR_CAP_AMBIENT_RAISE, CAP_DAC_READ_SEARCH, 0, 0) == 0;
-}
-
-// Root opens devices as their owner, another user by their groups. In a namespace they are fixed.
-void join_groups_of(const std::vector<std::string>& devices) {
-  std::vector<gid_t> groups;
-  for (const std::string& device : devices) {
-    struct stat status {};
-    if (stat(device.c_str(), &status) == 0 && status.st_gid != 0 && (status.st_mode & S_IWGRP) != 0)
-      groups.push_back(status.st_gid);
-  }
-  std::ranges::sort(groups);
-  groups.erase(std::ranges::unique(groups).begin(), groups.end());
-  (void)setgroups(groups.size(), groups.data());
-}
-
-// One that no other process has, with the group of its robot's sockets. What root reads it still reads.
-bool become_own_user(const std::string& runtime_directory) {
-  struct stat place {};
-  const gid_t group = stat(runtime_directory.c_str(), &place) == 0 ? place.st_gid : getegid();
+// One that no other process has; the files that root opens it still opens, as far as the other layers permit.
+bool become_own_user() {
   const uid_t user = ipc::kFirstOwnUser + static_cast<uid_t>(getpid());
   prctl(PR_SET_KEEPCAPS, 1, 0, 0, 0);
-  return setresgid(group, group, group) == 0 && setresuid(user, user, user) == 0 && keep_reading_only();
+  if (setresuid(user, user, user) != 0) return false;
+  std::uint32_t kept = 0;
+  for (const int capability : kOpensFiles) kept |= 1U << static_cast<unsigned>(capability);
+  __user_cap_header_struct header{.version = _LINUX_CAPABILITY_VERSION_3, .pid = 0};
+  const std::array<__user_cap_data_struct, 2> data{{{kept, kept, kept}, {0, 0, 0}}};
+  bool done = syscall(SYS_capset, &header, data.data()) == 0;
+  for (const int capability : kOpensFiles) done &= prctl(PR_CAP_AMBIENT, PR_CAP_AMBIENT_RAISE, capability, 0, 0) == 0;
+  return done;
 }
 
 // False: the kernel gives none, or not `others` in it.
@@ -152,20 +136,6 @@ bool enter_user_namespace(unsigned others) {
   (void)write_text("/proc/self/uid_map", user);  // a map is written once: not over all of them
   (void)write_text("/proc/self/gid_map", group);
   return true;
-}
-
-// What every program writes to: itself, sinks, accelerators, and what tracing wakes it by.
-std::vector<std::string> devices() {
-  std::vector<std::string> found;
-  for (const char* const pattern :
-       {"/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom", "/dev/nvidia*", "/dev/nvhost*",
-        "/dev/nvgpu/*/*", "/dev/nvmap", "/dev/dri/*", "/dev/kfd", "/dev/accel/*", "/dev/shm/lttng-ust-wait*"}) {
-    glob_t matches{};
-    if (glob(pattern, GLOB_NOSORT, nullptr, &matches) == 0)
-      for (std::size_t i = 0; i < matches.gl_pathc; ++i) found.emplace_back(matches.gl_pathv[i]);
-    globfree(&matches);
-  }
-  return found;
 }
 
 // Paths of the sockets that programs listen at, but for those that a policy has to do with.
@@ -199,26 +169,22 @@ bool hide_sockets(const std::vector<std::string>& sockets) {
 constexpr const char* kPermitNamespaces =
     "user.max_user_namespaces, kernel.unprivileged_userns_clone, kernel.apparmor_restrict_unprivileged_userns";
 
-// False: this machine's root may be no other user here.
-bool leave_user(const Grants& grants, bool is_root) {
-  return !is_root || !grants.writable.empty() || become_own_user(grants.runtime_directory);
-}
-
 void leave_namespaces(const Grants& grants, std::vector<std::string>& gaps) {
   const std::vector<std::string> sockets = foreign_sockets(grants.runtime_directory);  // of this network's
   const std::string reach =
       grants.network ? "reach this user's services" : "reach the network and this user's services";
   const bool is_root = geteuid() == 0;
-  if (is_root && grants.writable.empty()) join_groups_of(devices());
   if (enter_user_namespace(CLONE_NEWIPC | CLONE_NEWNS | (grants.network ? 0 : CLONE_NEWNET))) {
     if (!hide_sockets(sockets))
       gaps.emplace_back("it may reach this user's services: this machine permits no mounts in a user namespace");
     drop_capabilities();
-    if (!leave_user(grants, is_root))
+    if (is_root && !become_own_user()) {
+      prctl(PR_CAPBSET_DROP, CAP_DAC_OVERRIDE, 0, 0, 0);
       gaps.emplace_back(
-          fmt::format("it shares its user with other policies: ids from {} on are not mapped here "
-                      "(see /proc/self/uid_map)",
+          fmt::format("it shares its user with other policies: no user from {} on is mapped here (see "
+                      "/proc/self/uid_map)",
                       ipc::kFirstOwnUser));
+    }
     return;
   }
   const std::string why = std::strerror(errno);
@@ -233,6 +199,20 @@ std::uint64_t rights_of(long version) {
   if (version >= kLeastForRefer) rights |= kRefer;
   if (version >= kLeastForTruncate) rights |= kTruncate;
   return rights;
+}
+
+// What every program writes to: itself, sinks, accelerators, and what tracing wakes it by.
+std::vector<std::string> devices() {
+  std::vector<std::string> found;
+  for (const char* const pattern :
+       {"/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom", "/dev/nvidia*", "/dev/nvhost*",
+        "/dev/nvgpu/*/*", "/dev/nvmap", "/dev/dri/*", "/dev/kfd", "/dev/accel/*", "/dev/shm/lttng-ust-wait*"}) {
+    glob_t matches{};
+    if (glob(pattern, GLOB_NOSORT, nullptr, &matches) == 0)
+      for (std::size_t i = 0; i < matches.gl_pathc; ++i) found.emplace_back(matches.gl_pathv[i]);
+    globfree(&matches);
+  }
+  return found;
 }
 
 bool allow(int ruleset, const std::string& path, std::uint64_t rights) {

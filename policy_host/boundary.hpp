@@ -10,8 +10,7 @@
 //   services         sockets that other programs listen at, but for those in     mount_namespaces(7)
 //                    its robot's runtime directory; of that the loopback buses
 //   files            every change to a file outside the granted folders          landlock(7), seccomp(2)
-//   user             of root's: what other users, and other policies, own;       setresuid(2)
-//                    not where it may write folders, which are root's
+//   user             of root's: what belongs to another policy's processes      setresuid(2)
 //   other processes  their memory and tracing; signals to them                   landlock(7), seccomp(2)
 //   system calls     tracing, mounts, keys, BPF, io_uring, namespaces, flock,    seccomp(2)
 //                    scheduling classes; limits, priorities and processors of
