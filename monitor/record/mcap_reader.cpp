@@ -21,9 +21,11 @@ namespace {
 using mcap::Opcode;
 using mcap::Parser;
 
-// Uncompressed bytes: a lying header must not exhaust memory, nor a small file hours.
-constexpr std::uint64_t kLargestChunk = 256U << 20U;
-constexpr std::uint64_t kLargestRatio = 1000;  // of them to those in the file; ticks of a robot at rest reach some 50
+// Uncompressed bytes: a lying header must not exhaust memory, nor a small file hours. Ticks of a robot at rest reach
+// some 50 of them to one in the file.
+constexpr std::uint64_t kLargestChunk = 64U << 20U, kLargestRatio = 1000;
+constexpr std::uint64_t kFree = 8U << 20U, kLargestTotalRatio = 100;  // of all chunks together
+constexpr std::uint64_t kRecord = 512;                                // what reading one costs, beside its bytes
 
 struct Schema {
   std::string name, text;
@@ -46,7 +48,8 @@ void release(std::span<const std::byte> read) {
 
 class Scan {
  public:
-  explicit Scan(const std::function<bool(const McapMessage&)>& on_message) : on_message_(on_message) {}
+  Scan(const std::function<bool(const McapMessage&)>& on_message, std::uint64_t file_bytes)
+      : on_message_(on_message), left_(kFree + kLargestTotalRatio * file_bytes) {}
   McapReport report;
 
   // Returns false when the scan is over: end of data, damage, or the caller has had enough.
@@ -103,6 +106,10 @@ class Scan {
       const auto opcode = static_cast<Opcode>(head.get<std::uint8_t>());
       const auto length = head.get<std::uint64_t>();
       if (length > in.size() - mcap::kRecordHead) break;
+      if (in_chunk_ && !spend(kRecord)) {
+        damaged();
+        break;
+      }
       const auto content = in.subspan(mcap::kRecordHead, static_cast<std::size_t>(length));
       in = in.subspan(mcap::kRecordHead + content.size());
       if (!record(opcode, content)) {
@@ -137,6 +144,7 @@ class Scan {
     Bytes plain;
     std::span<const std::byte> content = stored;
     if (compression == "zstd") {
+      if (!spend(size)) return damaged();
       plain.resize(static_cast<std::size_t>(size));
       if (ZSTD_decompress(plain.data(), plain.size(), stored.data(), stored.size()) != plain.size()) return damaged();
       content = plain;
@@ -151,6 +159,12 @@ class Scan {
     return !stopped_;
   }
 
+  bool spend(std::uint64_t bytes) {
+    if (bytes > left_) return false;
+    left_ -= bytes;
+    return true;
+  }
+
   bool damaged() {
     ++report.damaged_chunks;
     return true;
@@ -159,6 +173,7 @@ class Scan {
   const std::function<bool(const McapMessage&)>& on_message_;
   std::map<std::uint16_t, std::shared_ptr<const Schema>> schemas_;
   std::map<std::uint16_t, Channel> channels_;
+  std::uint64_t left_;  // of what chunks may cost
   bool in_chunk_ = false;
   bool stopped_ = false;
 };
@@ -192,7 +207,7 @@ McapReader::~McapReader() {
 }
 
 McapReport McapReader::scan(const std::function<bool(const McapMessage&)>& on_message) const {
-  Scan scan(on_message);
+  Scan scan(on_message, content_.size());
   const auto left = scan.records(content_.subspan(mcap::kMagic.size()));
   if (!scan.stopped()) scan.report.unread_bytes = left.size();
   return scan.report;

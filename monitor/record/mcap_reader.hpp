@@ -2,7 +2,7 @@
 // Reads an MCAP file from front to back without needing its summary, so that a file cut off anywhere still gives back
 // every message of every chunk that is whole. Understands zstd and uncompressed chunks, and messages outside chunks.
 //
-// Nothing in the file is trusted: lengths are checked against what is there, chunks against their CRC and a size limit,
+// Nothing in the file is trusted: lengths are checked against what is there, chunks against their CRC and size limits,
 // and damage ends up in report(), never in a crash. Thread rule: one thread. Errors of open() are one sentence.
 #pragma once
 

@@ -188,6 +188,24 @@ class OpenRun(unittest.TestCase):
         shutil.copytree(self.folder / "run", copy)
         return copy
 
+    def test_what_all_chunks_together_may_cost_is_bounded(self):
+        """Each of 40 stays below the limit of one: one record that no version knows, records without content, and messages without one."""
+        data = (self.folder / "run/ticks.mcap").read_bytes()
+        places = list(self.records(data))
+        end = [behind[0] for (_, opcode), behind in zip(places, places[1:]) if opcode == 6][-1]
+        noise, size = random.Random(7).randbytes(10_000), 8 << 20
+        message = b"\x05" + struct.pack("<QHIQQ", 22, 1, 0, 0, 0)
+        for name, plain in (("one", b"\x63" + struct.pack("<Q", size) + bytes(size)), ("empty", bytes(size)), ("messages", message * (size // len(message)))):
+            packed = zstandard.compress(plain + noise)
+            body = struct.pack("<QQQI", 0, 0, len(plain) + len(noise), 0) + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(packed)) + packed
+            self.assertGreater(len(packed) * 1000, len(plain))
+            bombs = self.copy_of_run(name)
+            (bombs / "ticks.mcap").write_bytes(data[:end] + (b"\x06" + struct.pack("<Q", len(body)) + body) * 40)
+            run = takt.open(bombs)
+            self.assertGreaterEqual(run.damaged_chunks, 20, name)
+            if name != "messages":
+                pandas.testing.assert_frame_equal(run.ticks, self.run_.ticks)
+
     def test_a_damaged_chunk_is_left_out_and_counted(self):
         """A byte is changed somewhere, and a chunk added that claims more than its bytes can hold: what is given is what was recorded."""
         data = (self.folder / "run/ticks.mcap").read_bytes()

@@ -17,7 +17,8 @@ _TYPES = {"uint8": "u1", "uint16": "<u2", "uint32": "<u4", "uint64": "<u8", "int
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 3, 4, 5, 6
 _MAGIC = b"\x89MCAP0\r\n"
 _BODY = 22  # of a message record, behind channel, sequence and two times
-_LARGEST_CHUNK, _LARGEST_RATIO = 256 << 20, 1000  # bytes, and bytes to a byte of the file: as McapReader has them
+_LARGEST_CHUNK, _LARGEST_RATIO = 64 << 20, 1000  # bytes, and bytes to a byte of the file: as McapReader has them
+_FREE, _LARGEST_TOTAL_RATIO, _RECORD = 8 << 20, 100, 512  # of all chunks together; what a record costs beside its bytes
 _ENCAPSULATION = 4  # bytes before CDR's own alignment begins
 
 
@@ -55,21 +56,6 @@ def _texts(data: memoryview, at: int, count: int) -> List[bytes]:
         found.append(bytes(data[at + 4:at + 4 + size]))
         at += 4 + size
     return found
-
-
-def _in_chunk(chunk: memoryview) -> memoryview:
-    """Its records; raises ValueError where they are not what was written."""
-    size, checksum = _number(chunk, 16, 8), _number(chunk, 24, 4)
-    (compression,) = _texts(chunk, 28, 1)
-    stored = chunk[32 + len(compression) + 8:]
-    if len(stored) != _number(chunk, 32 + len(compression), 8) or size > min(_LARGEST_CHUNK, _LARGEST_RATIO * len(stored)):
-        raise ValueError("more than its bytes can hold")
-    if compression not in (b"", b"zstd"):
-        raise ValueError("of an unknown compression")
-    content = memoryview(_decompressed(stored, size)) if compression else stored
-    if len(content) != size or checksum not in (0, zlib.crc32(content)):
-        raise ValueError("not what was written")
-    return content
 
 
 def _decompressed(data: memoryview, size: int) -> bytes:
@@ -166,12 +152,34 @@ class Recording:
         self.fields: Dict[str, List[Field]] = {}
         self.bodies: Dict[str, List[memoryview]] = {}
         self.damaged = 0
+        self._left = _FREE + _LARGEST_TOTAL_RATIO * len(data)
         for opcode, content in _records(data[8:]):
             try:
-                for inner in _records(_in_chunk(content)) if opcode == _CHUNK else ((opcode, content),):
+                for inner in _records(self._in_chunk(content)) if opcode == _CHUNK else ((opcode, content),):
+                    self._spend(_RECORD if opcode == _CHUNK else 0)
                     self._take(*inner)
             except (ValueError, KeyError):  # a text that is none, a channel without a schema
                 self.damaged += 1
+
+    def _spend(self, size: int) -> None:
+        if size > self._left:
+            raise ValueError("more than the file's bytes can hold")
+        self._left -= size
+
+    def _in_chunk(self, chunk: memoryview) -> memoryview:
+        """Its records; raises ValueError where they are not what was written."""
+        size, checksum = _number(chunk, 16, 8), _number(chunk, 24, 4)
+        (compression,) = _texts(chunk, 28, 1)
+        stored = chunk[32 + len(compression) + 8:]
+        if len(stored) != _number(chunk, 32 + len(compression), 8) or size > min(_LARGEST_CHUNK, _LARGEST_RATIO * len(stored)):
+            raise ValueError("more than its bytes can hold")
+        if compression not in (b"", b"zstd"):
+            raise ValueError("of an unknown compression")
+        self._spend(size)
+        content = memoryview(_decompressed(stored, size)) if compression else stored
+        if len(content) != size or checksum not in (0, zlib.crc32(content)):
+            raise ValueError("not what was written")
+        return content
 
     def _take(self, opcode: int, content: memoryview) -> None:
         if opcode == _SCHEMA:
@@ -179,7 +187,8 @@ class Recording:
         elif opcode == _CHANNEL:
             topic = _texts(content, 4, 1)[0].decode()
             self._topics[_number(content, 0, 2)] = topic
-            self.fields.setdefault(topic, fields_of(self._schemas[_number(content, 2, 2)]))
+            if topic not in self.fields:
+                self.fields[topic] = fields_of(self._schemas[_number(content, 2, 2)])
             self.bodies.setdefault(topic, [])
         elif opcode == _MESSAGE and (found := self._topics.get(_number(content, 0, 2))) is not None:
             self.bodies[found].append(content[_BODY:])

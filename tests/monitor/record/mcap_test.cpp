@@ -8,6 +8,8 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <random>
+#include <tuple>
 
 #include "monitor/record/mcap_format.hpp"
 #include "monitor/record/mcap_reader.hpp"
@@ -57,6 +59,16 @@ class McapTest : public TemporaryFolder {
     return count;
   }
   bool finished_ = false;
+
+  static Bytes chunk_of(const std::vector<char>& plain) {
+    Bytes whole;
+    std::vector<char> packed(ZSTD_compressBound(plain.size()));
+    packed.resize(ZSTD_compress(packed.data(), packed.size(), plain.data(), plain.size(), 3));
+    mcap::Builder chunk(whole);
+    chunk.begin(mcap::Opcode::chunk).put(std::uint64_t{0}).put(std::uint64_t{0}).put(std::uint64_t{plain.size()});
+    chunk.put(std::uint32_t{0}).text("zstd").put(std::uint64_t{packed.size()}).raw(packed.data(), packed.size()).end();
+    return whole;
+  }
 };
 
 TEST_F(McapTest, GivesBackWhatWasWritten) {
@@ -128,14 +140,8 @@ TEST_F(McapTest, ASizeLimitKeepsWholeChunks) {
 // Threat: run-bomb
 TEST_F(McapTest, AChunkThatClaimsMoreThanItsBytesCanPayIsLeftOut) {
   record();
-  Bytes bomb;
-  const std::vector<char> zeros(8U << 20U);
-  std::vector<char> packed(ZSTD_compressBound(zeros.size()));
-  packed.resize(ZSTD_compress(packed.data(), packed.size(), zeros.data(), zeros.size(), 3));
-  ASSERT_LT(packed.size() * 1000, zeros.size());
-  mcap::Builder chunk(bomb);
-  chunk.begin(mcap::Opcode::chunk).put(std::uint64_t{0}).put(std::uint64_t{0}).put(std::uint64_t{zeros.size()});
-  chunk.put(std::uint32_t{0}).text("zstd").put(std::uint64_t{packed.size()}).raw(packed.data(), packed.size()).end();
+  const Bytes bomb = chunk_of(std::vector<char>(8U << 20U));
+  ASSERT_LT(bomb.size() * 1000, 8U << 20U);
   std::ifstream in(file_, std::ios::binary);
   std::string content(std::istreambuf_iterator<char>(in), {});
   constexpr std::size_t kBombs = 20;
@@ -145,6 +151,34 @@ TEST_F(McapTest, AChunkThatClaimsMoreThanItsBytesCanPayIsLeftOut) {
   McapReport report;
   EXPECT_EQ(read(path("bombs"), &report), kMessages);
   EXPECT_EQ(report.damaged_chunks, kBombs);
+}
+
+// Each alone stays below the limit of one chunk: 600 to 900 bytes for a byte of the file.
+TEST_F(McapTest, WhatAllChunksTogetherMayCostIsBounded) {
+  record();
+  std::mt19937 random(7);
+  const auto noise = [&random](std::vector<char> plain) {
+    for (std::size_t i = 0; i < plain.size() / 900; ++i) plain.push_back(static_cast<char>(random()));
+    return plain;
+  };
+  // As one message, of a record that no version knows, and as records without content, nine zeros each.
+  std::vector<char> one(8U << 20U), many(4U << 20U);
+  one[0] = 99;
+  const std::uint64_t length = one.size() - mcap::kRecordHead;
+  std::memcpy(&one[1], &length, sizeof length);
+  for (const auto& [plain, count, most_read] : {std::tuple(noise(one), 40U, 6U), std::tuple(noise(many), 20U, 1U)}) {
+    std::filesystem::copy_file(file_, path("bombs"), std::filesystem::copy_options::overwrite_existing);
+    std::filesystem::resize_file(path("bombs"), static_cast<std::uintmax_t>(ends_.back()));
+    const Bytes chunk = chunk_of(plain);
+    ASSERT_GT(chunk.size() * 1000, plain.size());
+    std::ofstream out(path("bombs"), std::ios::binary | std::ios::app);
+    for (unsigned i = 0; i < count; ++i)
+      out.write(reinterpret_cast<const char*>(chunk.data()), static_cast<std::streamsize>(chunk.size()));
+    out.close();
+    McapReport report;
+    EXPECT_EQ(read(path("bombs"), &report), kMessages);
+    EXPECT_GE(report.damaged_chunks, count - most_read);
+  }
 }
 
 TEST_F(McapTest, NoPipeKeepsAReaderWaiting) {
