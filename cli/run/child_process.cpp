@@ -105,11 +105,13 @@ std::expected<ChildProcess, std::string> ChildProcess::start(Options options) {
         fmt::format("{} could not be started: {}; free some processes", options.name, std::strerror(errno)));
   ChildProcess child(std::move(options), pid);
   child.gaps_ = std::move(said);
+  child.log_ = ipc::Descriptor(open(child.options_.log_path.c_str(), O_RDONLY | O_CLOEXEC));
   return child;
 }
 
 ChildProcess::ChildProcess(ChildProcess&& other) noexcept
     : options_(std::move(other.options_)),
+      log_(std::move(other.log_)),
       pid_(std::exchange(other.pid_, -1)),
       gaps_(std::move(other.gaps_)),
       dropped_bytes_(other.dropped_bytes_),
@@ -117,6 +119,7 @@ ChildProcess::ChildProcess(ChildProcess&& other) noexcept
 
 ChildProcess& ChildProcess::operator=(ChildProcess&& other) noexcept {
   std::swap(options_, other.options_);
+  std::swap(log_, other.log_);
   std::swap(pid_, other.pid_);
   std::swap(gaps_, other.gaps_);
   std::swap(dropped_bytes_, other.dropped_bytes_);
@@ -136,7 +139,7 @@ bool ChildProcess::reap(int flags) {
   wait_status_ = status;
   cut_log();
   if (dropped_bytes_ != 0)
-    std::ofstream(options_.log_path, std::ios::app)
+    std::ofstream(log_file(), std::ios::app)
         << fmt::format("\n{}: at least {} bytes beyond {} MiB of log were dropped\n", options_.name, dropped_bytes_,
                        kLogBudget_bytes >> 20U);
   return true;
@@ -146,9 +149,9 @@ bool ChildProcess::reap(int flags) {
 void ChildProcess::cut_log() {
   std::error_code error;
   if (!options_.place) return;
-  const std::uintmax_t size_bytes = std::filesystem::file_size(options_.log_path, error);
+  const std::uintmax_t size_bytes = std::filesystem::file_size(log_file(), error);
   if (error || size_bytes <= kLogBudget_bytes) return;
-  std::filesystem::resize_file(options_.log_path, kLogBudget_bytes, error);
+  std::filesystem::resize_file(log_file(), kLogBudget_bytes, error);
   if (!error) dropped_bytes_ += size_bytes - kLogBudget_bytes;
 }
 
@@ -189,8 +192,12 @@ std::optional<int> ChildProcess::exit_code() const {
   return WIFEXITED(*wait_status_) ? WEXITSTATUS(*wait_status_) : 128 + WTERMSIG(*wait_status_);
 }
 
+std::string ChildProcess::log_file() const {
+  return log_.is_open() ? fmt::format("/proc/self/fd/{}", log_.get()) : options_.log_path;
+}
+
 std::string ChildProcess::last_words() const {
-  std::ifstream log(options_.log_path);
+  std::ifstream log(log_file());
   std::deque<std::string> lines;
   for (std::string line; std::getline(log, line);) {
     lines.push_back("  " + line + "\n");

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
+#include "executive/ipc/descriptor.hpp"
 #include "policy_host/boundary.hpp"
 
 namespace takt::cli {
@@ -64,12 +65,15 @@ class ChildProcess {
   [[nodiscard]] const std::vector<std::string>& gaps() const { return gaps_; }
   // Last lines of its log, indented, for messages.
   [[nodiscard]] std::string last_words() const;
+  // Its log as a file that can be opened, also when another program removed its name.
+  [[nodiscard]] std::string log_file() const;
 
  private:
   ChildProcess(Options options, pid_t pid) : options_(std::move(options)), pid_(pid) {}
   bool reap(int flags);
   void cut_log();
   Options options_;
+  ipc::Descriptor log_;
   pid_t pid_ = -1;
   std::vector<std::string> gaps_;
   std::uintmax_t dropped_bytes_ = 0;

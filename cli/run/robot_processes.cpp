@@ -221,7 +221,13 @@ std::string RobotProcesses::settle_logs() const {
   std::string there = place_.run_directory + "/logs";
   if (!fs::is_directory(place_.run_directory, error)) return log_directory();
   fs::copy(log_directory(), there, fs::copy_options::recursive, error);
-  if (error) return log_directory();
+  if (error && fs::is_directory(log_directory())) return log_directory();
+  fs::create_directory(there, error);
+  for (const std::optional<ChildProcess>& child : children_) {  // whose name was removed with the runtime directory
+    if (!child || fs::exists(child->options().log_path, error)) continue;
+    std::ofstream(there + "/" + child->options().name + ".log", std::ios::app)
+        << std::ifstream(child->log_file()).rdbuf();
+  }
   fs::remove_all(log_directory(), error);
   return there;
 }

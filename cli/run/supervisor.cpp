@@ -16,6 +16,7 @@
 #include "cli/command.hpp"
 #include "cli/run/status_text.hpp"
 #include "config/load.hpp"
+#include "config/paths.hpp"
 #include "executive/incident/log_hint.hpp"
 #include "monitor/record/bounded_file.hpp"
 
@@ -291,6 +292,8 @@ Supervisor::Outcome Supervisor::follow() {
       if (const auto reply = processes_.ask(OperatorVerb::status)) {
         see(*reply);
         if (auto goes_on = judge_progress(reply->status); !goes_on) return goes_on;
+      } else {
+        look_for_socket();
       }
     }
     if (auto goes_on = judge_time(); !goes_on) return goes_on;
@@ -316,6 +319,13 @@ void Supervisor::see(const OperatorReply& reply) {
   }
   display_.show(answered_at_ - tracking_since_.value_or(*ready_at_), status);
   rearm(status.tick.mode);
+}
+
+void Supervisor::look_for_socket() {
+  const std::string socket = config::executive_socket(options_.place.runtime_directory);
+  if (socket_is_gone_ || access(socket.c_str(), F_OK) == 0) return;
+  socket_is_gone_ = true;
+  display_.note(fmt::format("{} was removed: `takt stop` cannot reach this robot; Ctrl+C here stops it", socket));
 }
 
 Supervisor::Outcome Supervisor::judge_time() const {

@@ -80,6 +80,8 @@ class Supervisor {
   // The last word about a robot that stands: in which stop or fault, and the exit code that it calls for.
   void tell_incident(End& end);
   [[nodiscard]] int exit_code_of_the_dead();
+  // Says once that no command finds the executive any more.
+  void look_for_socket();
   // What ends the run, whether or not the executive answers.
   Outcome judge_time() const;
   Outcome judge_progress(const StatusSnapshot& status);
@@ -101,7 +103,8 @@ class Supervisor {
   std::optional<Duration> ready_at_, tracking_since_, stopped_at_;
   Duration answered_at_;       // the newest status
   bool was_recorded_ = false;  // at some instant, in a run folder
-  IncidentNote incident_;      // as of then
+  bool socket_is_gone_ = false;
+  IncidentNote incident_;  // as of then
   std::set<ProcessName> reported_dead_, killed_by_script_;
   std::vector<std::string> never_happened_;  // sentences
   std::set<pid_t> noted_ended_;

@@ -51,6 +51,14 @@ class Background {
   Background(const Background&) = delete;
   Background& operator=(const Background&) = delete;
 
+  // Its exit code, -1 of a signal.
+  int interrupt() {
+    int status = 0;
+    kill(pid_, SIGINT);
+    waitpid(std::exchange(pid_, -1), &status, 0);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+
  private:
   pid_t pid_;
 };
@@ -531,6 +539,34 @@ TEST_F(Cli, RunTellsWhoDiedFirst) {
   EXPECT_EQ(ended.exit_code, 65) << ended.output;
   EXPECT_EQ(ended.output.find("takt-plant exited with 65 before takt-executive was ready\n"), 0U) << ended.output;
   EXPECT_NE(ended.output.find("  the cause\n"), std::string::npos) << ended.output;
+}
+
+// Goal: a person whose runtime directory is removed learns what still stops the robot, and loses no log, which lies in
+// that directory. Method: it is removed while the robot tracks; a second name of the executive's log tells when the
+// executive noticed.
+TEST_F(Cli, ARuntimeDirectoryThatIsRemovedIsSaidAndTakesNoLogAlong) {
+  const std::string runtime = in("runtime"), log = runtime + "/logs/takt-executive.log";
+  Background robot(
+      "takt run " + robot_ + " --allow-non-realtime --arm --runtime-dir " + runtime + " --run-dir " + in("run"),
+      in("takt.log"));
+  const auto says = [](const std::string& file, const std::string& words) {
+    return poll_until([&] {
+      std::ifstream in(file);
+      return std::string(std::istreambuf_iterator<char>(in), {}).find(words) != std::string::npos;
+    });
+  };
+  ASSERT_TRUE(says(in("takt.log"), "tracking"));
+  fs::create_hard_link(log, in("same.log"));
+  fs::remove_all(runtime);
+  EXPECT_TRUE(
+      says(in("takt.log"), "executive.sock was removed: `takt stop` cannot reach this robot; Ctrl+C here stops it\n"));
+  EXPECT_TRUE(says(in("same.log"), "`takt stop` cannot reach this robot"));
+  EXPECT_EQ(robot.interrupt(), 0);
+  for (const char* process : {"takt-executive", "takt-monitor", "takt-plant", "takt-policy-host"})
+    EXPECT_TRUE(fs::exists(in(std::string("run/logs/") + process + ".log"))) << process;
+  const std::string kept = shell("cat " + in("run/logs/takt-executive.log")).output;
+  EXPECT_NE(kept.find("`takt stop` cannot reach this robot"), std::string::npos) << kept;
+  EXPECT_NE(kept.find("drives disabled, ending"), std::string::npos) << kept;
 }
 
 TEST_F(Cli, RunFollowsItsScriptAndLeavesOnlyTheRunFolder) {
