@@ -166,10 +166,33 @@ bool hide_sockets(const std::vector<std::string>& sockets) {
   return all;
 }
 
+// For kernels without Landlock, whose mounts are all read-only then, but for the granted folders.
+bool make_files_read_only(const std::vector<std::string>& writable) {
+  constexpr long kMountSetattr = 442;  // the distribution's headers are older
+  constexpr unsigned kRecursive = 0x8000;
+  constexpr std::uint64_t kReadOnly = 1;
+  struct Change {
+    std::uint64_t set = 0, clear = 0, propagation = 0, users = 0;
+  };
+  const auto change = [](const std::string& path, const Change& what) {
+    return syscall(kMountSetattr, AT_FDCWD, path.c_str(), kRecursive, &what, sizeof what) == 0;
+  };
+  std::error_code error;
+  const std::filesystem::path here = std::filesystem::current_path(error);
+  bool done = true;
+  for (const std::string& folder : writable)
+    done &= mount(folder.c_str(), folder.c_str(), nullptr, MS_BIND | MS_REC, nullptr) == 0;
+  done &= change("/", {.set = kReadOnly});
+  for (const std::string& folder : writable) done &= change(folder, {.clear = kReadOnly});
+  return done && chdir(here.c_str()) == 0;  // which may lie in such a folder
+}
+
 constexpr const char* kPermitNamespaces =
     "user.max_user_namespaces, kernel.unprivileged_userns_clone, kernel.apparmor_restrict_unprivileged_userns";
 
-void leave_namespaces(const Grants& grants, std::vector<std::string>& gaps) {
+enum class Files : std::uint8_t { as_before, read_only };
+
+Files leave_namespaces(const Grants& grants, std::vector<std::string>& gaps) {
   const std::vector<std::string> sockets = foreign_sockets(grants.runtime_directory);  // of this network's
   const std::string reach =
       grants.network ? "reach this user's services" : "reach the network and this user's services";
@@ -177,6 +200,7 @@ void leave_namespaces(const Grants& grants, std::vector<std::string>& gaps) {
   if (enter_user_namespace(CLONE_NEWIPC | CLONE_NEWNS | (grants.network ? 0 : CLONE_NEWNET))) {
     if (!hide_sockets(sockets))
       gaps.emplace_back("it may reach this user's services: this machine permits no mounts in a user namespace");
+    const bool read_only = landlock_version() <= 0 && make_files_read_only(grants.writable);
     drop_capabilities();
     if (is_root && !become_own_user()) {
       prctl(PR_CAPBSET_DROP, CAP_DAC_OVERRIDE, 0, 0, 0);
@@ -185,13 +209,14 @@ void leave_namespaces(const Grants& grants, std::vector<std::string>& gaps) {
                       "/proc/self/uid_map)",
                       ipc::kFirstOwnUser));
     }
-    return;
+    return read_only ? Files::read_only : Files::as_before;
   }
   const std::string why = std::strerror(errno);
   const bool is_known = enter_user_namespace(0);  // where its owner may have one, and nothing in it
   gaps.emplace_back(fmt::format("it may {}{}: this machine permits no {}namespaces ({}; see {})",
                                 is_known ? "" : "be an operator and ", reach, is_known ? "network and mount " : "user ",
                                 why, kPermitNamespaces));
+  return Files::as_before;
 }
 
 std::uint64_t rights_of(long version) {
@@ -223,17 +248,15 @@ bool allow(int ruleset, const std::string& path, std::uint64_t rights) {
   return added;
 }
 
-void fence_files(const Grants& grants, long version, std::vector<std::string>& gaps) {
-  constexpr const char* kNone =
-      "it may change files and signal its user's processes: this kernel has no Landlock "
-      "(boot with lsm=landlock,...)";
+void fence_files(const Grants& grants, long version, Files files, std::vector<std::string>& gaps) {
+  constexpr const char* kNone = "it may change files: this kernel has no Landlock (boot with lsm=landlock,...)";
   const std::uint64_t rights = rights_of(version);
   LandlockRuleset rules{.files = rights};
   if (version >= kLeastForScopes) rules.scoped = kScopeSignals | kScopeAbstractSockets;
   const std::size_t size = version >= kLeastForScopes ? sizeof rules : sizeof rules.files;
   const int ruleset = version <= 0 ? -1 : static_cast<int>(syscall(SYS_landlock_create_ruleset, &rules, size, 0));
   if (ruleset < 0) {
-    gaps.emplace_back(kNone);
+    if (files == Files::as_before) gaps.emplace_back(kNone);
     return;
   }
   const std::uint64_t of_a_file = rights & (kWriteFile | kTruncate);
@@ -463,12 +486,14 @@ std::vector<std::string> grant_options(const Grants& grants) {
   return options;
 }
 
-std::vector<std::string> fence_in(const Grants& grants, long landlock_at_most) {
+namespace {
+
+std::vector<std::string> fence(const Grants& grants, long landlock_at_most, Files files) {
   std::vector<std::string> gaps;
   give_up_real_time();
   if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) gaps.emplace_back("it may gain rights by set-user-id programs");
   const long version = std::min(landlock_version(), landlock_at_most);
-  fence_files(grants, version, gaps);
+  fence_files(grants, version, files, gaps);
   if (!fence_calls(version))
     gaps.emplace_back(
         "it may trace, mount and change priorities: this kernel takes no seccomp filter "
@@ -476,13 +501,19 @@ std::vector<std::string> fence_in(const Grants& grants, long landlock_at_most) {
   return gaps;
 }
 
+}  // namespace
+
+std::vector<std::string> fence_in(const Grants& grants, long landlock_at_most) {
+  return fence(grants, landlock_at_most, Files::as_before);
+}
+
 std::vector<std::string> go_behind_boundary(const Grants& grants) {
   std::vector<std::string> gaps;
   if (grants.everything) return gaps;
   setsid();                                               // a terminal is nothing of its
   close_range(kFirstOfOthers, ~0U, CLOSE_RANGE_CLOEXEC);  // nor what this process has open
-  leave_namespaces(grants, gaps);
-  for (std::string& gap : fence_in(grants)) gaps.push_back(std::move(gap));
+  const Files files = leave_namespaces(grants, gaps);
+  for (std::string& gap : fence(grants, std::numeric_limits<long>::max(), files)) gaps.push_back(std::move(gap));
   return gaps;
 }
 

@@ -9,7 +9,8 @@
 //                    CAN always
 //   services         sockets that other programs listen at, but for those in     mount_namespaces(7)
 //                    its robot's runtime directory; of that the loopback buses
-//   files            every change to a file outside the granted folders          landlock(7), seccomp(2)
+//   files            every change to a file outside the granted folders          landlock(7), seccomp(2); without
+//                                                                                Landlock read-only mounts
 //   user             of root's: what belongs to another policy's processes      setresuid(2)
 //   other processes  their memory and tracing; signals to them                   landlock(7), seccomp(2)
 //   system calls     tracing, mounts, keys, BPF, io_uring, namespaces, flock,    seccomp(2)

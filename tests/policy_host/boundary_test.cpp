@@ -6,13 +6,17 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <linux/seccomp.h>
 #include <sched.h>
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
+#include <cerrno>
+#include <cstddef>
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
@@ -20,6 +24,7 @@
 #include <string>
 
 #include "executive/ipc/policy_users.hpp"
+#include "policy_host/seccomp_program.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -67,7 +72,7 @@ class Boundary : public testing::Test {
   const std::string file_ = testing::TempDir() + "takt-fenced-" + std::to_string(getpid());
 };
 
-// Threat: policy-old-kernel
+// Threat: policy-old-landlock
 TEST_F(Boundary, HoldsWithEveryVersionOfLandlock) {
   for (const long landlock : {1, 2, 3, 5, 6, 7}) EXPECT_EQ(done_behind(landlock), 0) << landlock;
   EXPECT_EQ(fs::file_size(file_), 8U);
@@ -77,6 +82,42 @@ TEST_F(Boundary, WithoutLandlockFilesAreMadeAndNothingElse) {
   EXPECT_EQ(done_behind(0), made);
   EXPECT_EQ(fs::file_size(file_), 8U);
   fs::remove(file_ + ".new");
+}
+
+// A kernel without Landlock is played by a filter that knows none of its calls.
+// Threat: policy-old-kernel
+TEST_F(Boundary, WithoutLandlockFilesAreOfReadOnlyMountsButThoseGranted) {
+  const fs::path granted = file_ + ".granted";
+  fs::create_directory(granted);
+  enum Outcome : int { changed = 1, made_beside = 2, not_made_where_granted = 4, not_made_here = 8, has_gaps = 16 };
+  const pid_t child = fork();
+  if (child == 0) {
+    const std::array<sock_filter, 4> filter{statement(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr)),
+                                            jump(BPF_JMP | BPF_JEQ | BPF_K, SYS_landlock_create_ruleset, 0, 1),
+                                            statement(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | ENOSYS),
+                                            statement(BPF_RET | BPF_K, SECCOMP_RET_ALLOW)};
+    const sock_fprog program{.len = filter.size(), .filter = const_cast<sock_filter*>(filter.data())};
+    fs::current_path(granted);
+    if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0 || syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, 0, &program) != 0)
+      _exit(255);
+    int outcome = go_behind_boundary({.writable = {granted}}).empty() ? 0 : has_gaps;
+    const auto makes = [](const fs::path& path) {
+      return open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600) >= 0;
+    };
+    if (open(file_.c_str(), O_RDWR | O_CLOEXEC) >= 0) outcome |= changed;
+    if (makes(file_ + ".new")) outcome |= made_beside;
+    if (!makes(granted / "new")) outcome |= not_made_where_granted;
+    if (!makes("here")) outcome |= not_made_here;
+    _exit(outcome);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  fs::remove_all(granted);
+  ASSERT_TRUE(WIFEXITED(status));
+  const int outcome = WEXITSTATUS(status);
+  if ((outcome & has_gaps) != 0 && std::getenv("TAKT_REQUIRE_NAMESPACES") == nullptr)
+    GTEST_SKIP() << "SKIPPED: this machine refuses a layer";
+  EXPECT_EQ(outcome, 0);
 }
 
 // Two children behind the boundary try a file that root alone may read; the kernel says as whom.

@@ -2,12 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Goal: a policy is a stranger: beside a live robot it can answer observations, and nothing else. Method: `takt run` with a policy in Python that tracks the demo
 arm and meanwhile tries what a hostile program tries, each attempt printed with its outcome; what it left behind is looked for afterwards; and the same with what
-the command line grants, without a boundary too, so that each attempt is known to be one. Usage: policy_boundary_test.py SOURCE_DIR BUILD_DIR.
+the command line grants, without a boundary too, so that each attempt is known to be one. Usage: policy_boundary_test.py SOURCE_DIR BUILD_DIR [--table]: a table
+of the attempts as root and as another user, with Landlock and without (a filter refuses its calls), for root; exit code 1 where one got through.
 """
+import ctypes
+import errno
 import os
 import pathlib
 import re
 import socket
+import struct
 import subprocess
 import sys
 import unittest
@@ -16,6 +20,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent / "client")]
 from python_rig import PythonRig  # noqa: E402
 
+WITHOUT_LANDLOCK = (sys.executable, str(pathlib.Path(__file__).resolve()), *sys.argv[1:3], "--without-landlock")
 MARK = "98765.4321"  # seconds that what is left behind sleeps
 
 HOSTILE = r"""
@@ -248,9 +253,9 @@ class Boundary(PythonRig):
         self.policy(HOSTILE)
         self.addCleanup(lambda: [os.kill(int(pid), 9) for pid in left_behind()])
 
-    def outcomes(self, *grants, only=()):
+    def outcomes(self, *grants, only=(), behind=()):
         self.environment["TAKT_TEST_ONLY"] = "|".join(only)
-        done = self.command("takt", "run", "robot.yaml", "--policy-host", "./policy.py", "--arm", "--duration", "9s", "--run-dir", "run",
+        done = self.command(*behind, "takt", "run", "robot.yaml", "--policy-host", "./policy.py", "--arm", "--duration", "9s", "--run-dir", "run",
                             *(word for grant in grants for word in ("--policy-may", grant)))
         logs = [path for path in self.folder.rglob("takt-policy-host.log")]
         log = logs[0].read_text() if logs else ""
@@ -268,6 +273,11 @@ class Boundary(PythonRig):
         self.assertNotIn("warning: takt-policy-host", done.stdout + done.stderr)
         self.assertEqual(left_behind(), [])
         print("\n".join(f"{name}: {said}" for name, said in found.items()))
+
+    def test_nothing_gets_through_without_landlock(self):
+        done, found, log = self.outcomes(behind=WITHOUT_LANDLOCK)
+        self.assertEqual(len(found), ATTEMPTS, done.stdout + done.stderr + log)
+        self.assertEqual({name: said for name, said in found.items() if said == "got through"}, {}, log)
 
     def test_what_it_left_and_has_ended_leaves_the_process_table(self):
         self.policy(ORPHANS)
@@ -294,6 +304,38 @@ class Boundary(PythonRig):
         for file in pathlib.Path("/tmp").glob("takt-boundary-*"):
             file.unlink()
 
+    def table(self):
+        columns = {}
+        for user, words in (("root", ()), ("user", ("setpriv", "--reuid", "65534", "--regid", "65534", "--clear-groups"))):
+            for landlock, behind in (("with", ()), ("without", WITHOUT_LANDLOCK)):
+                self.doCleanups()
+                self.setUp()
+                for path in (pathlib.Path(self.python_home), self.folder, *self.folder.iterdir()):
+                    os.chown(path, 65534 if words else 0, 65534 if words else 0)
+                done, found, log = self.outcomes(behind=(*behind, *words))
+                self.assertEqual(len(found), ATTEMPTS, done.stdout + done.stderr + log)
+                columns[f"{user}, {landlock} Landlock"] = found
+        print("| attempt |", " | ".join(columns), "|\n|---|" + "---|" * len(columns))
+        for name in next(iter(columns.values())):
+            print("|", name, "|", " | ".join(re.sub(r"^refused: (\[Errno -?\d+\] )?|: '.*", "", found[name])[:60] for found in columns.values()), "|")
+        for column, found in columns.items():
+            self.assertEqual([name for name, said in found.items() if said == "got through"], [], column)
+
+
+def without_landlock(command):
+    """Becomes the command, whose kernel knows no landlock_create_ruleset (444) any more."""
+    filters = [(0x20, 0, 0, 0), (0x15, 0, 1, 444), (0x06, 0, 0, 0x00050000 | errno.ENOSYS), (0x06, 0, 0, 0x7FFF0000)]
+    code = ctypes.create_string_buffer(b"".join(struct.pack("<HBBI", *one) for one in filters))
+    program = struct.pack("<HxxxxxxQ", len(filters), ctypes.addressof(code))
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.prctl(38, 1, 0, 0, 0) != 0 or libc.prctl(22, 2, ctypes.create_string_buffer(program)) != 0:
+        raise OSError(ctypes.get_errno(), "no filter")
+    os.execvp(command[0], command)
+
 
 if __name__ == "__main__":
+    if "--without-landlock" in sys.argv:
+        without_landlock(sys.argv[sys.argv.index("--without-landlock") + 1:])
+    if "--table" in sys.argv:
+        sys.exit(0 if unittest.TextTestRunner().run(unittest.TestSuite([Boundary("table")])).wasSuccessful() else 1)
     sys.exit(0 if unittest.main(argv=[sys.argv[0]], exit=False, verbosity=2).result.wasSuccessful() else 1)
