@@ -8,6 +8,7 @@
 
 #include "cli/command.hpp"
 #include "cli/json_line.hpp"
+#include "config/printable.hpp"
 #include "evidence/review/report/report_html.hpp"
 #include "evidence/review/report/report_text.hpp"
 #include "evidence/review/report/task_target.hpp"
@@ -62,7 +63,7 @@ int report(const ReportOptions& options) {
   } else {
     fmt::print("{}{}{}", monitor::report_text(metrics, *run), monitor::faults_of_record(metrics, faults),
                *comparison ? monitor::comparison_text(**comparison) : "");
-    if (written) fmt::print("page          {}\n", path);
+    if (written) fmt::print("page          {}\n", config::printable(path));
   }
   std::fflush(stdout);
   if (!written) return fail("takt report", written.error() + "; --html FILE writes the page elsewhere");

@@ -17,6 +17,7 @@
 #include "cli/evidence/trace_snapshot.hpp"
 #include "cli/evidence/traceable_processes.hpp"
 #include "cli/run/external_tool.hpp"
+#include "config/printable.hpp"
 #include "executive/contract/mode.hpp"
 #include "monitor/record/run_folder.hpp"
 
@@ -195,7 +196,7 @@ Done stop() {
   if (auto done = lttng({"stop", kSession}); !done) return done;
   if (auto done = lttng({"destroy", kSession}); !done) return done;
   if (std::filesystem::exists(*directory))
-    fmt::print("trace in {}\n", *directory);
+    fmt::print("trace in {}\n", config::printable(*directory));
   else
     fmt::print("nothing was written\n");
   return {};

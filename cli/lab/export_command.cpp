@@ -8,6 +8,7 @@
 
 #include "cli/command.hpp"
 #include "cli/lab_commands.hpp"
+#include "config/printable.hpp"
 #include "lab/data_set/lerobot_data_set.hpp"
 
 namespace takt::cli {
@@ -62,10 +63,11 @@ void say(const LerobotOptions& options, const std::vector<data_set::RunEpisodes>
     const std::size_t first = episodes;
     episodes += runs[each].episodes.size();
     frames += frames_in(runs[each]);
-    fmt::print("{}: episodes {} to {}, {} frames; {} observations outside of them\n", options.runs[each], first,
-               episodes - 1, frames_in(runs[each]), runs[each].observations - frames_in(runs[each]));
+    fmt::print("{}: episodes {} to {}, {} frames; {} observations outside of them\n",
+               config::printable(options.runs[each]), first, episodes - 1, frames_in(runs[each]),
+               runs[each].observations - frames_in(runs[each]));
     if (runs[each].unreadable != 0)
-      fmt::print("{}: {} damaged parts were left out\n", options.runs[each], runs[each].unreadable);
+      fmt::print("{}: {} damaged parts were left out\n", config::printable(options.runs[each]), runs[each].unreadable);
   }
   const Duration period = runs.front().robot.period;
   const std::int64_t fps = data_set::frames_per_second(period);
@@ -73,7 +75,7 @@ void say(const LerobotOptions& options, const std::vector<data_set::RunEpisodes>
     fmt::print("a period of {} ms is no whole number of frames per second: fps and timestamps say {}\n",
                static_cast<double>(period.ns) * 1e-6, fps);
   }
-  fmt::print("{}: {} episodes, {} frames, {} per second\n", options.out, episodes, frames, fps);
+  fmt::print("{}: {} episodes, {} frames, {} per second\n", config::printable(options.out), episodes, frames, fps);
 }
 
 int export_lerobot(const LerobotOptions& options) {

@@ -10,6 +10,7 @@
 
 #include "cli/command.hpp"
 #include "cli/lab_commands.hpp"
+#include "config/printable.hpp"
 #include "lab/artifact/signature.hpp"
 #include "lab/judge/audit.hpp"
 #include "lab/judge/run_audit.hpp"
@@ -68,7 +69,7 @@ int seal(const SealOptions& options) {
   const std::string file = options.directory + "/" + panel::kSignatureFile;
   if (const auto written = monitor::replace_file(file, sealed->envelope); !written)
     return fail(kSealCommand, written.error());
-  fmt::print("{} signed: {}{}\n", sealed->id, file,
+  fmt::print("{} signed: {}{}\n", sealed->id, config::printable(file),
              sealed->passed ? "" : "; the audit misses something, and the signature says so (takt audit)");
   return kExitOk;
 }

@@ -18,6 +18,7 @@
 #include "cli/lab_commands.hpp"
 #include "config/bundle_name.hpp"
 #include "config/document.hpp"
+#include "config/printable.hpp"
 #include "policy_host/leapp/leapp_bundle.hpp"
 
 namespace takt::cli {
@@ -87,7 +88,7 @@ int write_page(const PolicyTryOptions& options, const std::string& page, std::si
   std::ofstream file(options.out);
   file << page;
   if (!file.flush()) return fail("takt policy try", options.out + " cannot be written; choose another --out");
-  fmt::print("{}: {} policies\n", options.out, policies);
+  fmt::print("{}: {} policies\n", config::printable(options.out), policies);
   return kExitOk;
 }
 

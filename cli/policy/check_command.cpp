@@ -15,6 +15,7 @@
 #include "config/document.hpp"
 #include "config/load.hpp"
 #include "config/observation_shape.hpp"
+#include "config/printable.hpp"
 #include "policy_host/binding.hpp"
 #include "policy_host/bound_terms.hpp"
 #include "policy_host/engines/load_policy.hpp"
@@ -321,7 +322,7 @@ int check_bundle(const PolicyCheckOptions& options) {
   if (!bundle) {
     return refuse(config::kExitBadConfiguration, bundle.error());
   }
-  fmt::print("{}: LEAPP bundle, configuration version {}\n", file, shortened(bundle->version));
+  fmt::print("{}: LEAPP bundle, configuration version {}\n", config::printable(file), shortened(bundle->version));
   for (const policy_host::LeappNode& node : bundle->nodes) {
     const auto fine = check_model_file(options, node);
     if (!fine) return refuse(fine.error().exit_code, fine.error().sentence);
@@ -354,7 +355,7 @@ int check_policy(const PolicyCheckOptions& options) {
     return kExitOk;
   }
   const bool looked_into = !about->contains("not_by_builtin");
-  fmt::print("{}: {}\n", options.file,
+  fmt::print("{}: {}\n", config::printable(options.file),
              looked_into ? "runs on the built-in engine" : "runs by a plugin, which does not look into it");
   print_line("engine", (*about)["engine"].get<std::string>());
   if (looked_into) print_policy(*about);

@@ -15,6 +15,7 @@
 #include "config/json_schema.hpp"
 #include "config/key_table.hpp"
 #include "config/load.hpp"
+#include "config/printable.hpp"
 #include "config/units.hpp"
 #include "evidence/attestation/attestation.hpp"
 
@@ -86,7 +87,8 @@ int check(const ConfigOptions& options) {
     fmt::print("{}\n", json_line(json));
     return kExitOk;
   }
-  fmt::print("{}: robot {}, {} joints, sha256 {}\n", options.file, robot.robot, robot.joints.size(), robot.sha256);
+  fmt::print("{}: robot {}, {} joints, sha256 {}\n", config::printable(options.file), robot.robot, robot.joints.size(),
+             robot.sha256);
   for (const drivers::BusLoad& load : checked->loads)
     fmt::print("bus {}: {} drives, {:.0f} % of its bit rate at worst{}\n", load.bus, load.drives, 100 * load.load,
                load.undivided > load.load

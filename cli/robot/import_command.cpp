@@ -21,6 +21,7 @@
 #include "config/document.hpp"
 #include "config/load.hpp"
 #include "config/model_import.hpp"
+#include "config/printable.hpp"
 #include "config/robot_text.hpp"
 #include "config/units.hpp"
 #include "policy_host/described_import.hpp"
@@ -214,8 +215,9 @@ int import(Given given) {
   if (const int refused = write_new(given.out, *robot); refused != kExitOk) return refused;
   for (const std::string& dropped : deploy->notes) note("not carried over", dropped);
   for (const std::string& remark : remarks) note("note", remark);
-  fmt::print("{}: {} joints, {} observation terms; {} to replace, then: takt config check {}\n", given.out,
-             deploy->robot_joint.size(), deploy->terms.size(), unfilled_in(*robot), given.out);
+  fmt::print("{}: {} joints, {} observation terms; {} to replace, then: takt config check {}\n",
+             config::printable(given.out), deploy->robot_joint.size(), deploy->terms.size(), unfilled_in(*robot),
+             config::printable(given.out));
   return kExitOk;
 }
 
@@ -237,8 +239,8 @@ int make_new(Given given) {
   if (const int refused = write_new(given.out, *robot); refused != kExitOk) return refused;
   for (const std::string& remark : model->remarks) note("note", remark);
   if (!model->slides.empty()) note("note", slides_text(*model));
-  fmt::print("{}: {} joints, no policy; {} to replace, then: takt config check {}\n", given.out, model->joints.size(),
-             unfilled_in(*robot), given.out);
+  fmt::print("{}: {} joints, no policy; {} to replace, then: takt config check {}\n", config::printable(given.out),
+             model->joints.size(), unfilled_in(*robot), config::printable(given.out));
   return kExitOk;
 }
 

@@ -45,7 +45,7 @@ int list(const std::string& place) {
                monitor::utc_text(run.began_unix_ns).substr(0, 19) + "Z", length_text(run.seconds), gib(run.bytes),
                run.is_kept ? "kept; " : "", config::printable(run.ended));
   }
-  fmt::print("{} runs, {:.1f} GiB in {}\n", runs.size(), gib(bytes), directory);
+  fmt::print("{} runs, {:.1f} GiB in {}\n", runs.size(), gib(bytes), config::printable(directory));
   return kExitOk;
 }
 

@@ -17,6 +17,7 @@
 #include "cli/run/status_text.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
+#include "config/printable.hpp"
 #include "executive/incident/log_hint.hpp"
 #include "monitor/record/bounded_file.hpp"
 
@@ -134,7 +135,7 @@ int Supervisor::run() {
   const std::string logs = processes_.settle_logs();
   const bool recorded = access(options_.place.run_directory.c_str(), F_OK) == 0;
   std::printf("%s %s\n", recorded ? "run folder:" : "no run folder was written; logs:",
-              recorded ? options_.place.run_directory.c_str() : logs.c_str());
+              config::printable(recorded ? options_.place.run_directory : logs).c_str());
   tell_incident(end);
   if (end.exit_code == kExitOk && (is_missed || (was_recorded_ && !recorded))) return kExitFailed;
   return end.exit_code == kExitOk ? exit_code_of_the_dead() : end.exit_code;

@@ -282,7 +282,8 @@ TEST_F(Cli, ConfigCheckWaitsForNoFifo) {
 }
 
 // Goal: what a stranger wrote is shown, not obeyed, by every way in which a command says something. Method: an escape
-// sequence in a model's names, which become notes, in a list of ages, which is refused, and in a mistyped word.
+// sequence in a model's names, which become notes, in a list of ages, which is refused, in a mistyped word, and in the
+// names of a file that is written and of one that is read.
 // Threat: file-terminal
 TEST_F(Cli, NothingThatOthersWroteMovesTheCursor) {
   std::string model{std::istreambuf_iterator<char>(std::ifstream("tests/cli/robots/arm.urdf").rdbuf()), {}};
@@ -290,8 +291,11 @@ TEST_F(Cli, NothingThatOthersWroteMovesTheCursor) {
   model.insert(model.find("\"wrist\"") + 1, "\x1b[2J");
   std::ofstream(in("arm.urdf")) << model;
   std::ofstream(in("ages")) << "1 2 \x1b[2J 3";
+  fs::copy(robot_, in("\x1b[2J.robot"));
   for (const std::string& words : {"config new " + in("arm.urdf") + " --simulated -o " + in("arm.yaml"),
-                                   "ages " + in("ages") + " --max-age 100ms", std::string("report . '\x1b[2J'")}) {
+                                   "ages " + in("ages") + " --max-age 100ms", std::string("report . '\x1b[2J'"),
+                                   "config new tests/cli/robots/arm.urdf --simulated -o '" + in("\x1b[2J.yaml'"),
+                                   "config check '" + in("\x1b[2J.robot'")}) {
     const Ended ended = Shell::takt(words);
     EXPECT_EQ(ended.output.find('\x1b'), std::string::npos) << ended.output;
     EXPECT_NE(ended.output.find("\\x1b[2J"), std::string::npos) << ended.output;
