@@ -11,6 +11,7 @@
 
 #include <array>
 #include <filesystem>
+#include <fstream>
 #include <string>
 
 #include "tests/monitor/record/temporary_folder.hpp"
@@ -74,6 +75,19 @@ TEST_F(ReplacedFile, NoPipeFolderOrLinkToADeviceIsRead) {
     EXPECT_TRUE(text.error().ends_with("it is not a regular file")) << text.error();
   }
   EXPECT_EQ(read_file("/dev/null").value(), "") << "named by the user";
+}
+
+// Of 20 GiB, and beyond the smaller limit: no memory for what its medium does not hold.
+// Threat: run-hole
+TEST_F(ReplacedFile, AFileOfHolesIsRefusedUnread) {
+  for (const std::uint64_t size : {std::uint64_t{20} << 30U, std::uint64_t{65} << 20U}) {
+    std::ofstream(path("hole")) << "{}";
+    std::filesystem::resize_file(path("hole"), size);
+    const auto text = read_file(path("hole"));
+    ASSERT_FALSE(text) << size;
+    EXPECT_NE(text.error().find("it claims " + std::to_string(size) + " bytes and holds "), std::string::npos)
+        << text.error();
+  }
 }
 
 }  // namespace

@@ -154,6 +154,7 @@ TEST_F(McapTest, AChunkThatClaimsMoreThanItsBytesCanPayIsLeftOut) {
 }
 
 // Each alone stays below the limit of one chunk: 600 to 900 bytes for a byte of the file.
+// Threat: run-bombs
 TEST_F(McapTest, WhatAllChunksTogetherMayCostIsBounded) {
   record();
   std::mt19937 random(7);
