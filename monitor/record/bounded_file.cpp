@@ -15,6 +15,8 @@
 #include <iterator>
 #include <utility>
 
+#include "monitor/record/holes.hpp"
+
 namespace takt::monitor {
 namespace {
 
@@ -158,18 +160,15 @@ std::expected<void, std::string> replace_file(const std::string& path, std::stri
 }
 
 std::expected<std::string, std::string> read_file(const std::string& path) {
-  // What a file claims costs memory at once: beyond the first limit its medium must hold a part of it, which a file
-  // system that compresses makes smaller.
-  constexpr std::uint64_t kUnpaid = 64U << 20U, kLargest = 1U << 30U, kLargestRatio = 64, kBlock = 512;
+  constexpr std::int64_t kLargest = std::int64_t{1} << 30U;
   struct stat entry {};
   const bool is_known = !path.starts_with("/dev/") && ::stat(path.c_str(), &entry) == 0;
   if (is_known && !S_ISREG(entry.st_mode))
     return std::unexpected(fmt::format("cannot read {}: it is not a regular file", path));
-  const auto size = static_cast<std::uint64_t>(entry.st_size);
-  const std::uint64_t held = kBlock * static_cast<std::uint64_t>(entry.st_blocks);
-  if (is_known && (size > kLargest || (size > kUnpaid && size > kLargestRatio * held)))
-    return std::unexpected(fmt::format("cannot read {}: it claims {} bytes and holds {}; at most {} are read", path,
-                                       size, held, size > kLargest ? kLargest : kUnpaid));
+  if (is_known && entry.st_size > kLargest)
+    return std::unexpected(fmt::format("cannot read {}: it is larger than {} bytes", path, kLargest));
+  if (is_known && is_mostly_holes(path, entry))
+    return std::unexpected(fmt::format("cannot read {}: most of it are holes", path));
   std::ifstream in(path, std::ios::binary);
   if (!in) return std::unexpected(fmt::format("cannot read {}: {}", path, std::strerror(errno)));
   return std::string(std::istreambuf_iterator<char>(in), {});

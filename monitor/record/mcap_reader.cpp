@@ -13,6 +13,7 @@
 #include <memory>
 #include <utility>
 
+#include "monitor/record/holes.hpp"
 #include "monitor/record/mcap_format.hpp"
 
 namespace takt::monitor {
@@ -185,6 +186,10 @@ std::expected<McapReader, std::string> McapReader::open(const std::string& path)
   if (fd < 0) return std::unexpected(fmt::format("cannot open {}: {}", path, std::strerror(errno)));
   struct stat status {};
   const bool is_file = ::fstat(fd, &status) == 0 && S_ISREG(status.st_mode);
+  if (is_file && is_mostly_holes(path, status)) {
+    ::close(fd);
+    return std::unexpected(fmt::format("most of {} are holes", path));
+  }
   const auto size = is_file ? static_cast<std::size_t>(status.st_size) : 0;
   void* data = size >= mcap::kMagic.size() ? ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, fd, 0) : MAP_FAILED;
   ::close(fd);

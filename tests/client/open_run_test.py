@@ -242,6 +242,12 @@ class OpenRun(unittest.TestCase):
 
     def test_no_pipe_device_or_endless_nesting_holds_a_reader(self):
         for name in ("manifest.json", "ticks.mcap", "transitions.jsonl"):
+            folder = self.copy_of_run(f"holes-{name}")
+            os.truncate(folder / name, 1 << 40)
+            with self.assertRaisesRegex(takt.Refused, "most of it are holes"):
+                run = takt.open(folder)
+                (run.tick_array, run.transitions)
+        for name in ("manifest.json", "ticks.mcap", "transitions.jsonl"):
             folder = self.copy_of_run(f"piped-{name}")
             (folder / name).unlink()
             os.mkfifo(folder / name)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of folders that a stranger may have made: regular files only, and no more of them than a reader can bear."""
+import errno
 import json
 import mmap
 import os
@@ -10,6 +11,7 @@ from typing import Any
 from takt._refused import Refused
 
 _LARGEST_JSON = 64 << 20  # bytes
+_UNPAID, _LARGEST_RATIO = 64 << 20, 64  # bytes, and bytes to one on the medium, which may compress: as monitor/record/holes.hpp has them
 
 
 def _opened(path: pathlib.Path) -> int:
@@ -18,10 +20,23 @@ def _opened(path: pathlib.Path) -> int:
         file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     except OSError as error:
         raise Refused(f"{path} cannot be read: {error.strerror}") from None
-    if not stat.S_ISREG(os.fstat(file).st_mode):
+    entry = os.fstat(file)
+    if not stat.S_ISREG(entry.st_mode) or _is_mostly_holes(file, entry):
         os.close(file)
-        raise Refused(f"{path} cannot be read: it is not a regular file")
+        raise Refused(f"{path} cannot be read: {'most of it are holes' if stat.S_ISREG(entry.st_mode) else 'it is not a regular file'}")
     return file
+
+
+def _is_mostly_holes(file: int, entry: os.stat_result) -> bool:
+    if entry.st_size <= _UNPAID:
+        return False
+    if entry.st_blocks > 0:
+        return entry.st_size > _LARGEST_RATIO * 512 * entry.st_blocks
+    try:
+        os.lseek(file, 0, os.SEEK_DATA)
+    except OSError as error:
+        return error.errno == errno.ENXIO
+    return False
 
 
 def mapped(path: pathlib.Path) -> memoryview:

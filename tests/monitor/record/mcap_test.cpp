@@ -191,6 +191,9 @@ TEST_F(McapTest, AnythingElseIsRefusedInOneSentence) {
   EXPECT_NE(McapReader::open(path("absent")).error().find("cannot open"), std::string::npos);
   std::ofstream(path("text")) << "this is not a recording";
   EXPECT_NE(McapReader::open(path("text")).error().find("not an MCAP file"), std::string::npos);
+  record();
+  std::filesystem::resize_file(file_, std::uint64_t{1} << 40U);
+  EXPECT_NE(McapReader::open(file_).error().find("are holes"), std::string::npos);
   std::ofstream(path("empty"));
   EXPECT_NE(McapReader::open(path("empty")).error().find("too short"), std::string::npos);
 }
