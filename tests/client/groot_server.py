@@ -15,9 +15,10 @@ def npy(values, **how):
 
 
 class GrootServer:
-    """`behaves(question, count)` gives the reply's bytes, or None: none at all. `afterwards(envelope)`: once it is sent."""
+    """`behaves(question, count)` gives the reply's bytes, or None: none at all. `afterwards(envelope)`: once it is sent. `modality`: its configuration; none:
+    it has no such endpoint. Questions for that are not counted."""
 
-    def __init__(self, behaves, afterwards=None):
+    def __init__(self, behaves, afterwards=None, modality=None, port=None):
         self.behaves, self.afterwards, self.count = behaves, afterwards, 0
         self.context = zmq.Context()
         # A router, for a REP socket cannot keep an answer back. It returns the envelope, as a REP socket does.
@@ -26,7 +27,10 @@ class GrootServer:
             self.socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
             self.socket.setsockopt(zmq.SNDHWM, 1)
             self.socket.setsockopt(zmq.SNDTIMEO, 1000)
-        self.port = self.socket.bind_to_random_port("tcp://127.0.0.1")
+        self.modality = {"error": "Unknown endpoint: get_modality_config"} if modality is None else modality
+        self.port = port or self.socket.bind_to_random_port("tcp://127.0.0.1")
+        if port:
+            self.socket.bind(f"tcp://127.0.0.1:{port}")
         self.url = f"tcp://127.0.0.1:{self.port}"
         self.over = threading.Event()
         self.envelopes = []  # of the questions, the present one's last
@@ -38,9 +42,13 @@ class GrootServer:
             if not self.socket.poll(20):
                 continue
             *envelope, question = self.socket.recv_multipart()
+            question = msgpack.unpackb(question, strict_map_key=False)
+            if question["endpoint"] == "get_modality_config":
+                self.socket.send_multipart([*envelope, msgpack.packb(self.modality)])
+                continue
             self.envelopes.append(envelope)
             self.count += 1
-            reply = self.behaves(msgpack.unpackb(question, strict_map_key=False), self.count)
+            reply = self.behaves(question, self.count)
             if reply is not None:
                 self.socket.send_multipart([*envelope, reply])
                 if self.afterwards:

@@ -550,6 +550,48 @@ class FailOver(Asking):
         self.until(client, lambda values, problem: values is None and "127.0.0.1" in problem)
         with self.assertRaisesRegex(takt.Refused, "name the servers"):
             servers.FailOver()
+        with self.assertRaisesRegex(takt.Refused, "accepted is a list of metadata hashes"):
+            servers.FailOver(*client.servers, accepted="0123456789abcdef")
+
+    def of_two_policies(self, **more):
+        """Two servers whose metadata differ, both connected; the first answers `number`, and leaves."""
+        first, second = OpenPiServer(metadata=msgpack.packb({"checkpoint": "a"})), OpenPiServer(metadata=msgpack.packb({"checkpoint": "b"}))
+        clients = self.open(first), self.open(second)
+        end = time.monotonic() + PATIENCE_S
+        while not all(client.connected for client in clients):
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.005)
+        hashes = [client.metadata_hash for client in clients]
+        self.assertEqual(len({*hashes, ""}), 3, "each has a hash of its own")
+        client = servers.FailOver(*clients, **{key: [hashes[i] for i in value] for key, value in more.items()})
+        self.addCleanup(client.close)
+        number = self.until(client, lambda values, problem: values is not None or "is not asked" in problem)
+        answered = client.source
+        first.close()
+        end = time.monotonic() + PATIENCE_S
+        while clients[0].connected:
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.005)
+        return first, second, client, hashes, number, answered
+
+    def test_another_policy_is_not_asked(self):
+        first, second, client, hashes, number, answered = self.of_two_policies()
+        self.assertEqual(answered, f"{first.url}, metadata {hashes[0]}")
+        self.assertIsNone(self.ask(client, number))
+        self.assertIn(f"{second.url} is not asked: it has metadata {hashes[1]}, not {hashes[0]}", client.problem)
+        self.assertIn(first.url, client.problem, "and why the first one has no answer")
+        self.assertEqual(second.questions, 0)
+
+    def test_a_listed_policy_is_asked(self):
+        _, second, client, hashes, number, _ = self.of_two_policies(accepted=[0, 1])
+        self.until(client, self.good, number)
+        self.assertEqual(client.source, f"{second.url}, metadata {hashes[1]}")
+
+    def test_a_list_holds_for_the_first_one_too(self):
+        first, second, client, hashes, number, answered = self.of_two_policies(accepted=[1])
+        self.until(client, self.good, number)
+        self.assertEqual(answered, f"{second.url}, metadata {hashes[1]}")
+        self.assertEqual(first.questions, 0)
 
 
 class OpenPiClosing:
@@ -654,7 +696,8 @@ class Groot(Asking):
         def serve():
             while not over.is_set():
                 if socket.poll(20):
-                    socket.send(self.well(msgpack.unpackb(socket.recv(), strict_map_key=False)))
+                    asked = msgpack.unpackb(socket.recv(), strict_map_key=False)
+                    socket.send(self.well(asked) if asked["endpoint"] == "get_action" else msgpack.packb({"state": {"delta_indices": [0]}}))
         thread = threading.Thread(target=serve)
         thread.start()
         self.addCleanup(thread.join)
@@ -663,6 +706,19 @@ class Groot(Asking):
         self.addCleanup(client.close)
         for number in range(1, 20):
             self.assertIsNotNone(self.ask(client, number), client.problem)
+        self.assertRegex(client.source, f"^tcp://127.0.0.1:{port}, metadata [0-9a-f]{{16}}$")
+
+    def test_another_policy_at_its_address_is_not_asked(self):
+        # The first server's place is taken between two questions by one that says something else of itself.
+        first = GrootServer(lambda question, count: self.well(question), modality={"state": {"modality_keys": ["arm"]}})
+        client = servers.FailOver(self.open(first))
+        client.url = first.url
+        number = self.until(client, self.good)
+        first.close()
+        second = GrootServer(lambda question, count: self.well(question), modality={"state": {"modality_keys": ["hand"]}}, port=first.port)
+        self.addCleanup(second.close)
+        self.until(client, lambda values, problem: "is not asked: it has metadata " in problem, number)
+        self.assertEqual(second.count, 0)
 
     def test_what_nobody_asked_for_waits_at_its_sender(self):
         # 200 MiB behind an answer: what this side takes in of them is bounded by messages, not by the sender's patience.

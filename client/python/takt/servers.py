@@ -148,16 +148,28 @@ class _Server:
         self._msgpack = _need("msgpack", "python3-msgpack")
         self.url = url
         self.problem: str = ""  # why the last infer() had no answer; empty: it had one
+        self.metadata: Mapping[str, Any] = {}  # what the server said of itself when it was connected last
+        # Why a server with metadata of this hash is not asked; empty: it is. FailOver's word.
+        self.refusal: Callable[[str], str] = lambda _: ""
         self._said, self._said_at = "", -math.inf
+
+    @property
+    def metadata_hash(self) -> str:
+        """Of what the server says of itself, 16 hex digits; empty: it says nothing."""
+        if not self.metadata:
+            return ""
+        text = json.dumps(self.metadata, sort_keys=True, default=lambda value: repr(value))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @property
     def source(self) -> str:
         """Which server it is, for `obs.publish(source=...)`: its address, and the hash of what it says of itself."""
-        said = getattr(self, "metadata", None)
-        if not said:
-            return self.url
-        text = json.dumps(said, sort_keys=True, default=lambda value: repr(value))
-        return f"{self.url}, metadata {hashlib.sha256(text.encode()).hexdigest()[:16]}"
+        said = self.metadata_hash
+        return f"{self.url}, metadata {said}" if said else self.url
+
+    def _admit(self) -> None:
+        if why := self.refusal(self.metadata_hash):
+            raise _NoAnswer(why)
 
     def _answer(self, ask: Callable[[], Any]) -> Optional[NDArray[np.float32]]:
         try:
@@ -247,7 +259,6 @@ class OpenPi(_Server):
                                      {"Authorization": f"Api-Key {api_key}"} if api_key else {}}
         if ca_file is not None:
             self._how["ssl"] = self._trusting(ca_file)
-        self.metadata: Mapping[str, Any] = {}  # what the server said of itself when it was connected last
         self._asked = 0
         self._heard: Deque[int] = collections.deque(maxlen=_REMEMBERED)
         self._repeats = 0  # that came since the question
@@ -301,6 +312,7 @@ class OpenPi(_Server):
         socket = self._socket
         if socket is None:
             raise _NoAnswer(self._lost)
+        self._admit()
         self._asked += 1
         self._repeats = 0
         echo = self.metadata.get("echo")
@@ -415,6 +427,8 @@ class Groot(_Server):
         self._token = {"api_token": api_token} if api_token else {}
         self._context = self._zmq.Context()
         self._socket: Any = None
+        self._lost: Any = None  # says when the server went: another may answer at its address then
+        self._is_known = False  # it was asked what it is
 
     def __enter__(self) -> "Groot":
         return self
@@ -445,12 +459,14 @@ class Groot(_Server):
     def _ask(self, endpoint: str, data: Mapping[str, Any]) -> Any:
         question = self._msgpack.packb({"endpoint": endpoint, "data": data, **self._token}, default=_groot_from)
         until = time.monotonic() + self.deadline_s
+        if self._lost is not None and self._lost.poll(0):
+            self._drop()
         socket = self._socket = self._socket or self._opened()
         try:
-            socket.SNDTIMEO = math.ceil(1e3 * self.deadline_s)
-            socket.send(question)
-            socket.RCVTIMEO = max(1, math.ceil(1e3 * (until - time.monotonic())))
-            reply = self._unpack(socket.recv(), _groot_to)
+            if not self._is_known:
+                self._learn(socket, until)
+            self._admit()
+            reply = self._exchange(socket, question, until)
         except self._zmq.Again:
             self._drop()  # a late answer finds nobody
             raise _NoAnswer(f"did not answer within {self.deadline_s * 1e3:g} ms") from None
@@ -461,6 +477,18 @@ class Groot(_Server):
             raise _NoAnswer(f"has an error: {_shown(reply['error'])}")
         return reply
 
+    def _exchange(self, socket: Any, question: bytes, until: float) -> Any:
+        socket.SNDTIMEO = max(1, math.ceil(1e3 * (until - time.monotonic())))
+        socket.send(question)
+        socket.RCVTIMEO = max(1, math.ceil(1e3 * (until - time.monotonic())))
+        return self._unpack(socket.recv(), _groot_to)
+
+    def _learn(self, socket: Any, until: float) -> None:
+        """The protocol has no metadata: what a server says of itself is its modality configuration, if it has that endpoint."""
+        said = self._exchange(socket, self._msgpack.packb({"endpoint": "get_modality_config", "data": {}, **self._token}), until)
+        self.metadata = said if isinstance(said, Mapping) and "error" not in said else {}
+        self._is_known = True
+
     def _opened(self) -> Any:
         socket = self._context.socket(self._zmq.REQ)
         socket.setsockopt(self._zmq.LINGER, 0)
@@ -468,10 +496,14 @@ class Groot(_Server):
         socket.setsockopt(self._zmq.MAXMSGSIZE, _LARGEST_MESSAGE)
         socket.setsockopt(self._zmq.RCVHWM, _MOST_REPEATS)  # what nobody asked for waits at its sender
         socket.setsockopt(self._zmq.REQ_CORRELATE, 1)  # a number in the envelope, which every REP socket returns: no other's answer is taken
+        self._lost = socket.get_monitor_socket(self._zmq.EVENT_DISCONNECTED)
         socket.connect(self.url)
         return socket
 
     def _drop(self) -> None:
         if self._socket is not None:
+            self._socket.disable_monitor()
+            self._lost.close(0)
             self._socket.close()
-            self._socket = None
+            self._socket = self._lost = None
+        self._is_known = False
