@@ -192,13 +192,13 @@ void check_stops(const RobotConfig& robot, Checker& checker) {
   }
 }
 
-// Both end up in Cyclone DDS's configuration text, where other characters would mean something else.
+// These end up in Cyclone DDS's configuration text, where other characters would mean something else.
 void check_dds(const RobotConfig& robot, Checker& checker) {
   if (!robot.dds) return;
   const Dds& dds = *robot.dds;
-  const auto is_plain = [](std::string_view text) {
-    return std::ranges::all_of(text, [](unsigned char c) {
-      return std::isalnum(c) != 0 || std::string_view(".:_-").find(static_cast<char>(c)) != std::string_view::npos;
+  const auto is_plain = [](std::string_view text, std::string_view others = ".:_-") {
+    return std::ranges::all_of(text, [others](unsigned char c) {
+      return std::isalnum(c) != 0 || others.find(static_cast<char>(c)) != std::string_view::npos;
     });
   };
   constexpr std::string_view kPlain = "has a character that no {} has; write letters, digits, `.`, `:`, `_` and `-`";
@@ -208,6 +208,8 @@ void check_dds(const RobotConfig& robot, Checker& checker) {
                     fmt::format(kPlain, "host"));
   checker.require(dds.multicast || !dds.peers.empty() || dds.interface == "lo", "dds.interface",
                   "no participant can be found on it; add `peers`, or `multicast: true`");
+  checker.require(dds.security.empty() || (dds.security.starts_with('/') && is_plain(dds.security, "/._-")),
+                  "dds.security", "is no absolute path of letters, digits, `/`, `.`, `_` and `-`");
 }
 
 void check_telemetry(const RobotConfig& robot, Checker& checker) {

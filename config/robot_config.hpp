@@ -438,6 +438,7 @@ struct Dds {
   std::vector<DdsPeer> peers;
   double joint_state_rate = 0;  // Hz
   bool allow_requests = false;
+  std::string security;  // folder of this machine's identity and permissions; empty: DDS without security
 };
 
 // Where the monitor answers Prometheus (docs/metrics.md).

@@ -136,6 +136,13 @@ void describe_dds(Fields& fields, Dds& dds) {
                   between(0.1, 1000));
   fields.flag({"allow_requests", "true: every participant of the domain may arm and stop the robot", "false"},
               dds.allow_requests);
+  std::string security = dds.security.empty() ? "none" : dds.security;
+  fields.text({"security",
+               "folder of the machine's certificate and permissions; only participants with such are heard "
+               "(docs/ros2.md); none: all are",
+               "none"},
+              security);
+  dds.security = security == "none" ? "" : security;
 }
 
 void describe_prometheus(Fields& fields, Prometheus& prometheus) {

@@ -1,17 +1,43 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dds/domain.hpp"
 
+#include <dlfcn.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <iterator>
 #include <set>
+#include <system_error>
 #include <utility>
 
 #include "dds/domain_xml.hpp"
 #include "dds/neighbours.hpp"
 
 namespace takt::dds {
+namespace {
+
+// Debian keeps the security plugins beside the library, where the loader does not look.
+std::string plugin_folder() {
+  Dl_info info{};
+  if (dladdr(reinterpret_cast<const void*>(&dds_create_domain), &info) == 0 || info.dli_fname == nullptr) return {};
+  std::string folder = std::filesystem::path(info.dli_fname).parent_path() / "libddsc0debian";
+  std::error_code ignored;
+  return std::filesystem::exists(folder, ignored) ? folder : std::string{};
+}
+
+// Cyclone's own word about a file is a line of its log.
+std::expected<void, std::string> check_security(const config::Dds& dds) {
+  if (dds.security.empty()) return {};
+  for (const char* const file : kSecurityFiles)
+    if (const std::string path = dds.security + "/" + file; access(path.c_str(), R_OK) != 0)
+      return std::unexpected(fmt::format("dds.security: {}: {}; docs/ros2.md says how to make it", path,
+                                         std::generic_category().message(errno)));
+  return {};
+}
+
+}  // namespace
 
 std::string Domain::where(const config::RobotConfig& robot) {
   return fmt::format("domain {}, interface {}; see `dds` in {}", robot.dds->domain, robot.dds->interface, robot.file);
@@ -22,10 +48,11 @@ std::string Domain::failure(std::string_view what, dds_entity_t refused) const {
 }
 
 std::expected<Domain, std::string> Domain::open(const config::RobotConfig& robot, const std::string& name) {
+  if (const auto secured = check_security(*robot.dds); !secured) return std::unexpected(secured.error());
   Domain made(robot);
   log_within_budget();
   const std::set<int> before = datagram_sockets();
-  made.domain_ = dds_create_domain(robot.dds->domain, domain_xml(*robot.dds).c_str());
+  made.domain_ = dds_create_domain(robot.dds->domain, domain_xml(*robot.dds, plugin_folder()).c_str());
   if (made.domain_ <= 0) return std::unexpected(made.failure("domain", made.domain_));
   const Qos qos = make_qos();
   dds_qset_entity_name(qos.get(), name.c_str());

@@ -71,6 +71,17 @@ TEST(Load, DdsIsOffUnlessAskedFor) {
   EXPECT_EQ(plain->dds->domain, 0U);
   EXPECT_EQ(plain->dds->joint_state_rate, 100);
   EXPECT_FALSE(plain->dds->allow_requests);
+  EXPECT_EQ(plain->dds->security, "");
+  EXPECT_EQ(plain->resolved.find("security"), std::string::npos) << "without certificates a robot keeps its hash";
+  const auto secured = parse(with("sensors:", "dds: { security: /etc/takt/dds }\nsensors:"), "r");
+  ASSERT_TRUE(secured.has_value()) << secured.error();
+  EXPECT_EQ(secured->dds->security, "/etc/takt/dds");
+  for (const char* const path : {"keys", "'/etc/takt/<dds>'"}) {
+    const auto refused = parse(with("sensors:", std::string("dds: { security: ") + path + " }\nsensors:"), "r");
+    ASSERT_FALSE(refused.has_value()) << path;
+    EXPECT_NE(refused.error().find("dds.security: is no absolute path of letters"), std::string::npos)
+        << refused.error();
+  }
   const auto wide =
       parse(with("sensors:", "dds: { domain: 7, interface: eth0, peers: [{ address: 10.0.0.2 }] }\nsensors:"), "r");
   ASSERT_TRUE(wide.has_value()) << wide.error();

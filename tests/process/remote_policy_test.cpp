@@ -428,11 +428,12 @@ TEST_F(RemotePolicy, ThePartThatFailedIsNamed) {
       network_->start(1, {"takt-policy-host", "--robot", robot_file(), "--runtime-dir", far.directory}, log("far")));
   EXPECT_TRUE(moves_on()) << logs();
   network_->set({.delay = {}, .jitter = {}, .loss = 0, .twice = 0, .is_cut = true});
-  EXPECT_TRUE(is_told("policy server far is not heard")) << robot_->problem();
+  EXPECT_TRUE(is_told("policy server far is not heard, nor is its machine: the network")) << robot_->problem();
   network_->set({});
   EXPECT_TRUE(moves_on()) << logs();
   far.server->signal(SIGKILL);
-  EXPECT_TRUE(is_told("policy server far is not heard")) << robot_->problem();
+  EXPECT_TRUE(is_told("policy server far is not heard, and its machine answers: takt-policy-server ended"))
+      << robot_->problem();
 }
 
 // Goal: no message of a stranger silences a server, or makes its policy forget. Method: remote_stranger, on the
@@ -473,6 +474,73 @@ TEST_F(RemotePolicy, ANamesakeIsNotMovedByAServerThatServesAnother) {
   EXPECT_EQ(namesake.violation(), "") << logs();
   EXPECT_EQ(occurrences(text_of(log("far")), "begins a session"), 2U) << logs();
   bridge_->signal(SIGCONT);
+}
+
+// Goal: with dds.security a robot and a policy server that have certificates of one authority talk; a stranger who has
+// none, or another authority's, is not heard, though what it says would be believed without. Method: keys as
+// docs/ros2.md has them made; the policy's machine has its own in the folder of the same name.
+class RemotePolicySecured : public RemotePolicy {
+ protected:
+  void SetUp() override {
+    if (!FaultyNetwork::why_not().empty()) return RemotePolicy::SetUp();
+    for (const std::string authority : {"ours", "theirs"}) {
+      Child made({std::filesystem::current_path() / "docs/examples/dds-security/make-keys.sh",
+                  temporary_.path(authority), "0", "robot", "gpu"},
+                 log("keys"));
+      ASSERT_EQ(made.wait(std::chrono::seconds(30)), 0) << text_of(log("keys"));
+    }
+    RemotePolicy::SetUp();
+  }
+  [[nodiscard]] std::string keys() const { return temporary_.path("ours") + "/robot"; }
+  [[nodiscard]] std::string robot_text() const override {
+    return replaced(RemotePolicy::robot_text(), "dds: { ", "dds: { security: " + keys() + ", ");
+  }
+  // Words that give a program `folder` for its keys.
+  [[nodiscard]] std::vector<std::string> having(const std::string& folder) const {
+    return {"/usr/bin/unshare", "--mount", "sh", "-c", R"(mount --bind "$0" )" + keys() + R"( && exec "$@")", folder};
+  }
+  [[nodiscard]] Child start_stranger() const {
+    return network_->start(1, {std::string(TAKT_BIN_DIR) + "/remote_stranger", robot_file(), "blind"}, log("stranger"));
+  }
+  // For 2 s the robot does not know of any server.
+  void expect_unheard() {
+    const std::uint64_t shown = robot_->shown();
+    ASSERT_TRUE(until([&] { return robot_->shown() > shown + 100; }));
+    EXPECT_TRUE(robot_->problem().starts_with("no policy server is in the DDS domain")) << robot_->problem() << logs();
+    EXPECT_EQ(robot_->commands(), 0U);
+  }
+};
+
+// Threat: dds-certificate
+TEST_F(RemotePolicySecured, AStrangerWithoutACertificateIsNotHeard) {
+  ASSERT_TRUE(until([&] { return !robot_->problem().empty(); })) << logs();
+  const Child stranger = start_stranger();
+  ASSERT_TRUE(is_said("stranger", "sent")) << logs();
+  ASSERT_NO_FATAL_FAILURE(expect_unheard());
+  const FarMachine far = start_far("far", having(temporary_.path("ours") + "/gpu"));
+  EXPECT_TRUE(moves_on()) << logs();
+  EXPECT_EQ(std::string(robot_->source().sentence).find("policy server far ("), 0U) << robot_->source().sentence;
+}
+
+TEST_F(RemotePolicySecured, AServerOfAnotherAuthorityIsNotHeard) {
+  ASSERT_TRUE(until([&] { return !robot_->problem().empty(); })) << logs();
+  const FarMachine far = start_far("far", having(temporary_.path("theirs") + "/gpu"));
+  ASSERT_TRUE(is_said("far", "policy attached")) << logs();
+  ASSERT_NO_FATAL_FAILURE(expect_unheard());
+}
+
+TEST_F(RemotePolicySecured, WithoutItsFilesNoProgramJoinsTheDomain) {
+  const FarMachine far = start_far("far", having(temporary_.path("ours") + "/ca"));
+  EXPECT_TRUE(is_said("far", "/identity_ca.cert.pem: No such file or directory; docs/ros2.md says how to make it"))
+      << logs();
+}
+
+// What is not heard there is heard here: the stranger is one that can be.
+TEST_F(RemotePolicy, AStrangerIsHeardWithoutSecurity) {
+  const Child stranger =
+      network_->start(1, {std::string(TAKT_BIN_DIR) + "/remote_stranger", robot_file(), "blind"}, log("stranger"));
+  EXPECT_TRUE(until([&] { return robot_->problem().starts_with("policy server stranger has no policy"); }))
+      << robot_->problem() << logs();
 }
 
 // A policy through the C library, on the other machine.
@@ -527,6 +595,37 @@ TEST_F(RemoteClient, IsShownEveryVectorOfAnObservation) {
     for (std::size_t j = 0; j < 6; ++j)
       EXPECT_EQ(observation.values[6 * term + j], observed(static_cast<int>(terms[term].kind), j))
           << "term " << term << " joint " << j;
+}
+
+// Goal: what a policy on the other machine says of itself reaches the robot: why it publishes nothing, and whose
+// commands it plays. Method: as a client of an openpi server says it.
+TEST_F(RemoteClient, SaysWhyItPublishesNothingAndWhoseCommandsItPlays) {
+  ASSERT_NO_FATAL_FAILURE(attach({{TAKT_TERM_Q, 0, nullptr, nullptr, nullptr}}));
+  const auto publish_of = [&](const std::string& source, std::uint64_t commands) {
+    ASSERT_EQ(takt_policy_state_source(policy_, source.c_str()), TAKT_OK);
+    const std::uint64_t before = robot_->commands();
+    EXPECT_TRUE(until([&] {
+      if (takt_policy_next(policy_, 100'000'000) == TAKT_OK) publish();
+      return robot_->commands() >= before + commands;
+    })) << logs();
+  };
+  const auto is_source = [&](const std::string& words) {
+    const std::string sentence = robot_->source().sentence;
+    return sentence.starts_with("policy server ") && sentence.ends_with(words);
+  };
+  publish_of("ws://gpu1:8000, metadata 0123456789abcdef", 10);
+  EXPECT_TRUE(until([&] { return is_source("): ws://gpu1:8000, metadata 0123456789abcdef"); }))
+      << robot_->source().sentence;
+  EXPECT_EQ(robot_->source().first_sequence, 1U);
+  const std::uint64_t sequence = robot_->sequence();
+  publish_of("ws://gpu2:8000", 10);
+  EXPECT_TRUE(until([&] { return is_source("): ws://gpu2:8000"); })) << robot_->source().sentence;
+  EXPECT_GT(robot_->source().first_sequence, sequence);
+  ASSERT_EQ(takt_policy_state_problem(policy_, "ws://gpu2:8000 closed the connection"), TAKT_OK);
+  EXPECT_TRUE(until([&] {
+    takt_policy_next(policy_, 10'000'000);
+    return robot_->problem().ends_with("its policy says: ws://gpu2:8000 closed the connection");
+  })) << robot_->problem();
 }
 
 // Alternatives wait on the policy's machine; the one that matches is sent, as old as what it rests on.

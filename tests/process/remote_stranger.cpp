@@ -4,6 +4,8 @@
 //   remote_stranger ROBOT_FILE observations   three observations of the robot's session, with the largest id there is
 //   remote_stranger ROBOT_FILE sessions       three observations, each of a session of its own
 //   remote_stranger ROBOT_FILE answers        three answers under the server's number, with the largest number there is
+//   remote_stranger ROBOT_FILE blind          without dds.security, whatever the file says, and without listening: says
+//                                             that it is a policy server, again and again
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -45,6 +47,25 @@ struct Heard {
     answer->values._buffer = values.data();
   }
 };
+
+// In a domain that is open it is taken for a server that has no policy.
+int call_out(config::RobotConfig robot) {
+  robot.dds->security.clear();
+  const auto domain = dds::Domain::open(robot, "remote_stranger");
+  if (!domain) return fmt::print(stderr, "{}\n", domain.error()), 1;
+  const auto observed = make_reader(*domain, robot, Topic::observation);  // as a server's
+  const auto status = make_writer(*domain, robot, Topic::status);
+  if (!observed || !status) return 1;
+  takt_remote_ServerStatus message{};
+  message.server = drawn_number();
+  std::string_view("stranger").copy(message.name, sizeof message.name - 1);
+  for (int sent = 0;; ++sent, usleep(kPause)) {
+    if (dds_write(*status, &message) != DDS_RETCODE_OK) return 1;
+    if (sent != 100) continue;
+    fmt::print("sent\n");
+    std::fflush(stdout);
+  }
+}
 
 int disturb(const config::RobotConfig& robot, std::string_view how) {
   const auto domain = dds::Domain::open(robot, "remote_stranger");
@@ -96,5 +117,6 @@ int main(int argc, char** argv) {
   if (argc != 3) return 64;
   const auto robot = takt::config::load(argv[1]);
   if (!robot) return fmt::print(stderr, "{}\n", robot.error()), 65;
+  if (std::string_view(argv[2]) == "blind") return takt::policy_host::remote::call_out(*robot);
   return takt::policy_host::remote::disturb(*robot, argv[2]);
 }

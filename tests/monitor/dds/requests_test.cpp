@@ -126,5 +126,22 @@ TEST(DomainXml, AnotherInterfaceTellsItsPeersOnly) {
     EXPECT_NE(xml.find(part), std::string::npos) << part << " is missing in " << xml;
 }
 
+TEST(DomainXml, SecurityIsThereWhereAFolderIsNamed) {
+  config::Dds dds;
+  dds.interface = "lo";
+  EXPECT_EQ(takt::dds::domain_xml(dds, "/usr/lib/plugins").find("<Security>"), std::string::npos);
+  dds.security = "/etc/takt/dds";
+  const std::string xml = takt::dds::domain_xml(dds, "/usr/lib/plugins");
+  for (const char* part :
+       {R"(<Library path="/usr/lib/plugins/libdds_security_auth.so" initFunction="init_authentication")",
+        R"(<Library path="/usr/lib/plugins/libdds_security_ac.so" initFunction="init_access_control")",
+        R"(<Library path="/usr/lib/plugins/libdds_security_crypto.so" initFunction="init_crypto")",
+        "<PrivateKey>file:/etc/takt/dds/key.pem</PrivateKey>",
+        "<Governance>file:/etc/takt/dds/governance.p7s</Governance>"})
+    EXPECT_NE(xml.find(part), std::string::npos) << part << " is missing in " << xml;
+  EXPECT_NE(takt::dds::domain_xml(dds).find(R"(<Library path="dds_security_auth")"), std::string::npos)
+      << "else the loader finds them";
+}
+
 }  // namespace
 }  // namespace takt::monitor::dds
