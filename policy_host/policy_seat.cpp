@@ -31,13 +31,15 @@ std::expected<std::unique_ptr<PolicySeat>, std::string> PolicySeat::open(const c
   // Formatted before it is sealed, sealed before the first policy is greeted.
   if (auto sealed = seat->observations_.seal_against_new_writers(); !sealed) return std::unexpected(sealed.error());
   PolicySeat* const at = seat.get();
-  auto server = ipc::RendezvousServer::listen(config::executive_socket(seat->options_.runtime_directory), geteuid(),
-                                              {.admit = [at](const ipc::Peer& peer) { return at->admit(peer); },
-                                               .acknowledged = [at](const ipc::Peer& peer) { at->hand_over(peer); },
-                                               .recorded = {},
-                                               .left = [at](const ipc::Peer&) { at->leave(); },
-                                               .request = {}},
-                                              seat->options_.policy_user);
+  auto server =
+      ipc::RendezvousServer::listen(config::executive_socket(seat->options_.runtime_directory), geteuid(),
+                                    {.admit = [at](const ipc::Peer& peer) { return at->admit(peer); },
+                                     .acknowledged = [at](const ipc::Peer& peer) { at->hand_over(peer); },
+                                     .recorded = {},
+                                     .said = [at](const ipc::Peer&, const PolicyWord& word) { at->hear(word); },
+                                     .left = [at](const ipc::Peer&) { at->leave(); },
+                                     .request = {}},
+                                    seat->options_.policy_user);
   if (!server) return std::unexpected(server.error());
   seat->server_ = std::make_unique<ipc::RendezvousServer>(std::move(*server));
   return seat;
@@ -89,6 +91,7 @@ void PolicySeat::hand_over(const ipc::Peer& peer) {
   if (!reader) return turn_away(reader.error());
   mailbox_.emplace(std::move(mapped), *reader);
   ++session_;
+  forget_words();
   if (options_.taken) options_.taken(peer);
 }
 
@@ -96,6 +99,23 @@ void PolicySeat::leave() {
   if (mailbox_ && options_.left) options_.left();
   offered_.reset();
   mailbox_.reset();
+  forget_words();
+}
+
+void PolicySeat::hear(const PolicyWord& word) {
+  if (word.kind == PolicyWordKind::problem) {
+    problem_ = word.sentence;
+  } else {
+    source_before_ = std::exchange(source_, word.sentence);
+    source_from_ = word.first_sequence;
+  }
+}
+
+void PolicySeat::forget_words() {
+  problem_.clear();
+  source_.clear();
+  source_before_.clear();
+  source_from_ = 0;
 }
 
 void PolicySeat::serve(std::chrono::milliseconds within) {

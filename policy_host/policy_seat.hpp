@@ -54,6 +54,12 @@ class PolicySeat {
   [[nodiscard]] bool is_taken() const { return mailbox_.has_value(); }
   // Counts the policies that sat here: another number, another policy or another life of it.
   [[nodiscard]] std::uint64_t session() const { return session_; }
+  // What the policy that sits there says of itself, printable: why it publishes nothing, and whose commands the one of
+  // that sequence is. Empty: nothing. serve() hears it.
+  [[nodiscard]] const std::string& problem() const { return problem_; }
+  [[nodiscard]] const std::string& source_of(std::uint64_t sequence) const {
+    return sequence >= source_from_ ? source_ : source_before_;
+  }
 
  private:
   PolicySeat(const config::RobotConfig& robot, std::uint64_t policy_hash, SeatOptions options,
@@ -62,6 +68,8 @@ class PolicySeat {
   [[nodiscard]] std::string refusal_of(const Hello& hello) const;
   void hand_over(const ipc::Peer& peer);
   void leave();
+  void hear(const PolicyWord& word);
+  void forget_words();
   struct Mailbox {
     ipc::Segment segment;
     ipc::SlotReader reader;
@@ -74,6 +82,8 @@ class PolicySeat {
   std::optional<ipc::Segment> offered_, inputs_;
   std::optional<Mailbox> mailbox_;
   std::uint64_t session_ = 0;
+  std::string problem_, source_, source_before_;
+  std::uint64_t source_from_ = 0;                  // sequence of the first command that is of source_
   std::unique_ptr<ipc::RendezvousServer> server_;  // last: its handlers use the above
 };
 

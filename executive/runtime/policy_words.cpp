@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 #include <string_view>
+#include <utility>
 
 namespace takt::runtime {
 namespace {
@@ -40,16 +41,29 @@ void PolicyWords::put(const PolicyWord& word, MonoTime now) {
 }
 
 void PolicyWords::take(const PolicyWord& word, MonoTime now) {
+  if (word.kind == PolicyWordKind::problem) seat_of(word.role).is_presumed = false;
   put(word, now);
+}
+
+void PolicyWords::presume(Role role, const std::string& sentence, MonoTime now) {
+  if (!problem(role).empty()) return;
+  seat_of(role).is_presumed = true;
+  put(problem_word(role, sentence), now);
+}
+
+void PolicyWords::answers(Role role, MonoTime now) {
+  if (std::exchange(seat_of(role).is_presumed, false)) put(problem_word(role, ""), now);
 }
 
 void PolicyWords::begin(Role role, MonoTime now) {
   Seat& seat = seat_of(role);
+  seat.is_presumed = false;
   seat.standing[static_cast<std::size_t>(PolicyWordKind::source)] = {};
   if (!problem(role).empty()) put(problem_word(role, ""), now);
 }
 
 void PolicyWords::end(Role role, const std::string& how, MonoTime now) {
+  seat_of(role).is_presumed = false;
   seat_of(role).standing[static_cast<std::size_t>(PolicyWordKind::source)] = {};
   put(problem_word(role, how), now);
 }

@@ -26,6 +26,10 @@ class PolicyWords {
   void begin(Role role, MonoTime now);
   // Its lease is over: `how` stands as the reason why no command comes.
   void end(Role role, const std::string& how, MonoTime now);
+  // It has given no usable command for long and says nothing: `sentence` stands for its word until it says one, or
+  // `answers` again.
+  void presume(Role role, const std::string& sentence, MonoTime now);
+  void answers(Role role, MonoTime now);
   // Why this policy publishes no command, as it says; empty: it did not say.
   [[nodiscard]] std::string problem(Role role) const;
   // A recorder came, who knows nothing yet: all that stands is told again.
@@ -42,6 +46,7 @@ class PolicyWords {
     std::array<Standing, kPolicyWordKindCount> standing;
     MonoTime window_begin;
     std::uint32_t told = 0;  // in this window
+    bool is_presumed = false;
   };
   Seat& seat_of(Role role);
   void put(const PolicyWord& word, MonoTime now);

@@ -38,7 +38,11 @@ ipc::RendezvousServer::Handlers Reception::handlers() {
   return {.admit = [this](const ipc::Peer& peer) { return admit(peer); },
           .acknowledged = [this](const ipc::Peer& peer) { hand_over(peer); },
           .recorded = [this](const ipc::Peer&, std::uint64_t tick) { parts_.recorded.set(tick); },
-          .said = [this](const ipc::Peer&, const PolicyWord& word) { words_.take(word, SystemClock().now()); },
+          .said =
+              [this](const ipc::Peer&, const PolicyWord& word) {
+                policy_lived_at_ = SystemClock().now();
+                words_.take(word, policy_lived_at_);
+              },
           .left = [this](const ipc::Peer& peer) { take_leave(peer); },
           .request =
               [this](const ipc::Peer& peer, const OperatorMessage& message) {
@@ -59,8 +63,24 @@ void Reception::serve(std::chrono::milliseconds timeout) {
   parts_.mailboxes.settle();
   parts_.fallback_mailboxes.settle();
   parts_.candidate_mailboxes.settle();
+  watch_silence();
   tell_policy_words();
   operators_.pass_all([this](const OperatorWord& word) { return server_->pass_on(word); });
+}
+
+// A host that hangs cannot say so. Before the robot is stopped for want of commands the reason is there.
+void Reception::watch_silence() {
+  const MonoTime now = SystemClock().now();
+  const Role role = candidate_in_charge() ? Role::candidate_policy : Role::policy;
+  const ipc::Peer* const host = server_->holder(role);
+  const bool is_usable = takt::is_usable(parts_.follower.latest().header.freshness);
+  if (is_usable || host == nullptr || !seat_of(role).attached) policy_lived_at_ = now;
+  if (is_usable) return words_.answers(role, now);
+  if (now - policy_lived_at_ > Duration{parts_.config.freshness.stop_after.ns / 4 * 3})
+    words_.presume(role,
+                   fmt::format("{} (pid {}) is attached and says nothing: it hangs, or is too slow",
+                               host->hello.program, host->pid),
+                   now);
 }
 
 void Reception::tell_policy_words() {

@@ -93,6 +93,7 @@ class Reception {
   ipc::Admission admit_input_reader(const ipc::Peer& peer);
   void hand_over(const ipc::Peer& peer);
   void take_leave(const ipc::Peer& peer);
+  void watch_silence();
   void tell_policy_words();
 
   OperatorReply answer(const OperatorMessage& message);
@@ -118,6 +119,7 @@ class Reception {
   std::uint8_t fallback_sessions_ = 0;
   PolicyWords words_;
   OperatorLog operators_;
+  MonoTime policy_lived_at_;  // the policy in charge came, spoke, or had a usable command in a tick
   bool realtime_ = false;
   bool allow_non_realtime_ = false;
   bool shutting_down_ = false;

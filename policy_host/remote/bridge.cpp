@@ -48,7 +48,8 @@ Bridge::Bridge(const config::RobotConfig& robot, const std::string& runtime_dire
       samples_(robot.sensors.size()),
       used_(robot.sensors.size()),
       gate_(facts_of(robot, policy_hash)),
-      choice_(robot.policy->period * 3, Duration{robot.freshness.max_age.ns / 2}) {
+      choice_(robot.policy->period * 3, Duration{robot.freshness.max_age.ns / 2}),
+      probe_(robot.dds->interface) {
   for (const std::size_t sensor : in_use_) {
     const config::Sensor& declared = robot.sensors[sensor];
     sources_.push_back({.sensor = sensor,
@@ -253,10 +254,12 @@ void Bridge::take(const takt_remote_Command& message, const PeerId& sender) {
       spdlog::warn("policy server {} is silent: {} takes over ({})", leader_name_, name, text_of(sender));
     leader_name_ = name;
   }
-  if (sender != source_of_session_) {
-    executive_->state_source(fmt::format("policy server {} ({})", server_name_of(message), text_of(sender)),
+  const std::string source = source_of(message);
+  if (sender != source_of_session_.server || source != source_of_session_.said) {
+    executive_->state_source(fmt::format("policy server {} ({}){}{}", server_name_of(message), text_of(sender),
+                                         source.empty() ? "" : ": ", source),
                              gate_.next_sequence());
-    source_of_session_ = sender;
+    source_of_session_ = {sender, source};
   }
   chunk_.header = gate_.play(answer, now);
   std::ranges::copy(values, chunk_.values);
@@ -274,11 +277,16 @@ void Bridge::take(const takt_remote_ServerStatus& message, const PeerId& sender)
 // Before the robot is stopped for want of commands the reason is there.
 void Bridge::state_problem(MonoTime now) {
   if (!executive_) return;
+  const PeerId& leader = choice_.leader();
+  if (leader.is_known()) probe_.aim(silence_.address_of(leader));
+  const bool is_missed = now - played_at_ > Duration{robot_.freshness.max_age.ns / 2};
+  probe_.ask(now, is_missed ? played_at_ : MonoTime{});
   std::string reason = lacks_;
   if (reason.empty() && now - played_at_ > Silence::patience(robot_.freshness.max_age)) {
     dds_publication_matched_status_t matched{};
     dds_get_publication_matched_status(observations_, &matched);
-    reason = silence_.reason(choice_.leader(), gate_.epoch(), matched.current_count, robot_.freshness.max_age, now);
+    reason = silence_.reason(leader, gate_.epoch(), matched.current_count, robot_.freshness.max_age, now,
+                             probe_.verdict(played_at_));
   }
   executive_->state_problem(now, reason);
 }

@@ -77,10 +77,15 @@ class Bridge {
   AnswerGate gate_;
   ServerChoice choice_;
   Silence silence_;
+  MachineProbe probe_;  // of the leader's machine
   MonoTime next_attempt_, observed_, reported_;
-  MonoTime played_at_;        // the newest answer, or the beginning of the session
-  std::string lacks_;         // the sensor without which no observation is passed on; empty: none
-  PeerId source_of_session_;  // who was stated to make the commands; unknown: not yet
+  MonoTime played_at_;  // the newest answer, or the beginning of the session
+  std::string lacks_;   // the sensor without which no observation is passed on; empty: none
+  struct StatedSource {
+    PeerId server;
+    std::string said;
+  };
+  StatedSource source_of_session_;  // who was stated to make the commands; unknown: not yet
   bool looked_since_due_ = false;
   CommandChunk chunk_;
   std::uint64_t shown_ = 0, played_ = 0;

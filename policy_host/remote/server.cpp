@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "executive/contract/monotonic_clock.hpp"
+#include "policy_host/remote/machine_probe.hpp"
 #include "policy_host/remote/silence.hpp"
 #include "policy_host/remote/wire_messages.hpp"
 
@@ -33,6 +34,7 @@ Server::Server(const config::RobotConfig& robot, std::string name, std::uint64_t
       name_(std::move(name)),
       policy_hash_(policy_hash),
       number_(drawn_number()),
+      address_(address_of(robot.dds->interface)),
       domain_(std::move(domain)),
       seat_(std::move(seat)),
       samples_(std::move(samples)) {}
@@ -93,7 +95,10 @@ void Server::run(const std::atomic<bool>& stop) {
     take_all<takt_remote_Observation>(
         observations_,
         [this](const takt_remote_Observation& message, const PeerId& sender) { take_observation(message, sender); });
-    if (seat_->read(chunk_)) answer();
+    if (seat_->read(chunk_)) {
+      seat_->serve();  // whose command it is, was said before
+      answer();
+    }
     const MonoTime now = monotonic_now();
     if (unanswered_since_.is_set() && now - unanswered_since_ > robot_.freshness.max_age) unanswered_since_ = {};
     if (now - served < kIdle) continue;
@@ -181,6 +186,7 @@ void Server::answer() {
   takt_remote_Command message{};
   message.server = number_;
   name_.copy(message.name, sizeof message.name - 1);
+  seat_->source_of(header.sequence).copy(message.source, sizeof message.source - 1);
   message.epoch = answered.epoch;
   message.config_hash = robot_.hash;
   message.policy_hash = header.policy_hash;
@@ -206,7 +212,9 @@ void Server::tell_status(MonoTime now) {
   takt_remote_ServerStatus message{};
   message.server = number_;
   name_.copy(message.name, sizeof message.name - 1);
+  address_.copy(message.address, sizeof message.address - 1);
   message.has_policy = told_of_policy_;
+  seat_->problem().copy(message.problem, sizeof message.problem - 1);
   message.epoch = epoch_;
   message.shown_age_ns = shown_at_.is_set() ? (now - shown_at_).ns : -1;
   message.lacks_samples = is_recent(incomplete_at_);

@@ -69,6 +69,7 @@ class Server {
   const config::RobotConfig& robot_;
   std::string name_;
   std::uint64_t policy_hash_, number_;
+  std::string address_;  // of this machine, for the bridge to ask whether it is there
   dds::Domain domain_;
   dds_entity_t observations_ = 0, samples_reader_ = 0, commands_ = 0, status_ = 0, wait_set_ = 0;
   std::unique_ptr<PolicySeat> seat_;

@@ -11,6 +11,7 @@
 
 #include "executive/contract/mono_time.hpp"
 #include "policy_host/remote/answer_gate.hpp"
+#include "policy_host/remote/machine_probe.hpp"
 #include "policy_host/remote/peer.hpp"
 
 namespace takt::policy_host::remote {
@@ -18,7 +19,9 @@ namespace takt::policy_host::remote {
 // What a server said of itself last.
 struct ServerState {
   PeerId sender;
-  std::string name;  // printable
+  std::string name;          // printable
+  std::string address = {};  // of its machine, as it claims
+  std::string problem;       // printable: why its policy publishes nothing, in the policy's words
   bool has_policy = false, lacks_samples = false, has_other_files = false;
   std::uint64_t epoch = 0;
   Duration shown_age;  // negative: never
@@ -44,12 +47,15 @@ class Silence {
   void played() { refused_ = {}; }
   // `leader`: whose answers were played last; unknown: none were yet. `epoch`: of this robot's session. `listeners`:
   // servers that DDS knows in the domain.
+  // `machine`: the leader's.
   [[nodiscard]] std::string reason(const PeerId& leader, std::uint64_t epoch, std::uint32_t listeners, Duration max_age,
-                                   MonoTime now) const;
+                                   MonoTime now, Machine machine = Machine::unknown) const;
+  // Which its machine has, as it claims; empty: it is not known.
+  [[nodiscard]] std::string address_of(const PeerId& server) const;
 
  private:
-  [[nodiscard]] std::string reason_of(const ServerState& server, std::uint64_t epoch, Duration max_age,
-                                      MonoTime now) const;
+  [[nodiscard]] std::string reason_of(const ServerState& server, std::uint64_t epoch, Duration max_age, MonoTime now,
+                                      Machine machine) const;
   static bool is_heard(const ServerState& server, Duration max_age, MonoTime now) {
     return now - server.heard_at <= heard_for(max_age);
   }

@@ -8,9 +8,9 @@
 namespace takt::policy_host::remote {
 namespace {
 
-// A name that another machine gave itself, for a log.
-std::string shown(const char* name) {
-  std::string text(name);
+// What another machine says, for a log.
+std::string shown(const char* said) {
+  std::string text(said);
   for (char& c : text)
     if (c < ' ' || c > '~') c = '?';
   return text;
@@ -41,9 +41,15 @@ std::string server_name_of(const takt_remote_Command& message) {
   return shown(message.name);
 }
 
+std::string source_of(const takt_remote_Command& message) {
+  return shown(message.source);
+}
+
 ServerState state_of(const takt_remote_ServerStatus& message, const PeerId& sender, MonoTime heard_at) {
   return {.sender = sender,
           .name = shown(message.name),
+          .address = shown(message.address),
+          .problem = shown(message.problem),
           .has_policy = message.has_policy,
           .lacks_samples = message.lacks_samples,
           .has_other_files = message.has_other_files,

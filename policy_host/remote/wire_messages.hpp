@@ -19,6 +19,8 @@ Answer answer_of(const takt_remote_Command& message, const PeerId& sender);
 ServerState state_of(const takt_remote_ServerStatus& message, const PeerId& sender, MonoTime heard_at);
 // Its server's name, fit for a log.
 std::string server_name_of(const takt_remote_Command& message);
+// Whose commands its policy says that they are; empty: its own.
+std::string source_of(const takt_remote_Command& message);
 
 // Whether it can be an observation of a robot with so many joints.
 bool is_sound(const takt_remote_Observation& message, std::size_t joints);

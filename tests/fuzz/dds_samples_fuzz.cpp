@@ -92,6 +92,8 @@ void tell_status(Source& source) {
     takt_remote_ServerStatus message{};
     source.spoil(message);
     message.name[sizeof message.name - 1] = '\0';
+    message.problem[sizeof message.problem - 1] = '\0';
+    message.address[sizeof message.address - 1] = '\0';
     message.has_policy = source.byte() % 2 == 0;
     message.lacks_samples = source.byte() % 2 == 0;
     message.has_other_files = source.byte() % 2 == 0;

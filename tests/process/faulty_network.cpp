@@ -130,7 +130,9 @@ void FaultyNetwork::take(int from) {
   for (int frames = 0; frames < 256; ++frames) {
     const ssize_t size = read(ends_[from].tap, bytes.data(), bytes.size());
     if (size <= 0) return;
-    const int copies = faults.is_cut || chance(random_) < faults.loss ? 0 : chance(random_) < faults.twice ? 2 : 1;
+    const int copies = faults.is_cut || faults.cut_from == from || chance(random_) < faults.loss ? 0
+                       : chance(random_) < faults.twice                                          ? 2
+                                                                                                 : 1;
     for (int copy = 0; copy < copies && under_way_.size() < kMostFrames; ++copy) {
       const auto jitter = static_cast<std::int64_t>(chance(random_) * static_cast<double>(faults.jitter.ns));
       under_way_.push_back(

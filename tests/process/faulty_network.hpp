@@ -25,6 +25,7 @@ struct NetworkFaults {
   Duration delay, jitter;      // each way; a frame takes delay to delay + jitter
   double loss = 0, twice = 0;  // share of the frames
   bool is_cut = false;
+  std::optional<int> cut_from = {};  // only what that side sends is lost
 };
 
 class FaultyNetwork {

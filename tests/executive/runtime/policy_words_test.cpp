@@ -80,5 +80,19 @@ TEST(PolicyWords, AHostThatLeftIsTheReasonUntilTheNextComes) {
   EXPECT_EQ(words.take_due(kNow + seconds(1)).size(), 1U) << "a session of its own, from its first command on";
 }
 
+TEST(PolicyWords, WhatIsPresumedOfASilentHostGivesWayToItsWordAndToItsCommands) {
+  PolicyWords words;
+  words.presume(Role::policy, "it hangs", kNow);
+  EXPECT_EQ(words.problem(Role::policy), "it hangs");
+  words.answers(Role::policy, kNow);
+  EXPECT_EQ(words.problem(Role::policy), "");
+  words.presume(Role::policy, "it hangs", kNow);
+  words.take(word("no sensor"), kNow);
+  EXPECT_EQ(words.problem(Role::policy), "no sensor");
+  words.presume(Role::policy, "it hangs", kNow);
+  words.answers(Role::policy, kNow);
+  EXPECT_EQ(words.problem(Role::policy), "no sensor") << "its own word is taken back by itself alone";
+}
+
 }  // namespace
 }  // namespace takt::runtime

@@ -382,6 +382,15 @@ TEST_F(ReceptionTest, TheRecorderHearsWhoAskedForWhat) {
   EXPECT_EQ(mark->verb, OperatorVerb::mark);
 }
 
+// Goal: a host that hangs, and so says nothing, is named. Method: one that is attached and publishes nothing.
+TEST_F(ReceptionTest, AHostThatSaysNothingIsNamed) {
+  const Attached attached = attach_policy(Role::policy, false);
+  EXPECT_TRUE(until([this](const StatusSnapshot&) {
+    return std::string(ask(OperatorVerb::status).sentences).find("is attached and says nothing: it hangs") !=
+           std::string::npos;
+  }));
+}
+
 TEST_F(ReceptionTest, StatusRepeatsEveryWatchdogWaiver) {
   EXPECT_THAT(ask(OperatorVerb::status).sentences, testing::Not(HasSubstr("watchdog_waiver")));
   robot_.joints[1].drive.watchdog_waiver = "seen to stop within 100 ms";

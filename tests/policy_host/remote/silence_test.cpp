@@ -20,6 +20,8 @@ constexpr std::uint64_t kEpoch = 5;
 ServerState sound(const PeerId& sender = kFar, const std::string& name = "far") {
   return {.sender = sender,
           .name = name,
+          .address = {},
+          .problem = {},
           .has_policy = true,
           .epoch = kEpoch,
           .shown_age = milliseconds(20),
@@ -38,6 +40,8 @@ TEST(Silence, NamesThePartThatFailed) {
       {[](ServerState& s) { s.shown_age = kMaxAge + milliseconds(1); }, "policy server far does not hear this robot"},
       {[](ServerState& s) { s.epoch = 0, s.shown_age = Duration{-1}; }, "policy server far does not hear this robot"},
       {[](ServerState& s) { s.epoch = 6; }, "policy server far answers another robot of this name"},
+      {[](ServerState& s) { s.problem = "ws://gpu:8000 closed the connection"; },
+       "policy server far hears this robot, and its policy says: ws://gpu:8000 closed the connection"},
       {[](ServerState& s) { s.lacks_samples = true; }, "policy server far does not get the sensors' samples"},
       {[](ServerState& s) { s.has_other_files = true; }, "policy server far has another robot file or policy.file"},
   };
@@ -49,6 +53,24 @@ TEST(Silence, NamesThePartThatFailed) {
     const std::string said = silence.reason(kFar, kEpoch, 1, kMaxAge, kNow);
     EXPECT_EQ(said.find(one.said), 0U) << one.said << ": " << said;
   }
+}
+
+// The machine that answers though its server does not is no failure of the network; and the other way round.
+TEST(Silence, TellsAServerThatEndedFromANetworkThatFailed) {
+  Silence silence;
+  ServerState lost = sound();
+  lost.address = "10.0.0.2";
+  lost.heard_at = kNow - seconds(2);
+  silence.heard(lost);
+  EXPECT_EQ(silence.address_of(kFar), "10.0.0.2");
+  EXPECT_EQ(silence.address_of(kNear), "");
+  const auto said = [&](Machine machine) { return silence.reason(kFar, kEpoch, 1, kMaxAge, kNow, machine); };
+  EXPECT_NE(said(Machine::answers).find("takt-policy-server ended there, or hangs"), std::string::npos);
+  EXPECT_NE(said(Machine::silent).find("the network to it failed, or the machine itself"), std::string::npos);
+  EXPECT_NE(said(Machine::unknown).find("its machine, its takt-policy-server or the network"), std::string::npos);
+  silence.heard(sound(kNear, "near"));
+  EXPECT_EQ(said(Machine::silent).find("policy server near hears"), 0U)
+      << "the leader's machine says nothing of others";
 }
 
 TEST(Silence, SaysWhyAnswersWereRefusedSinceTheLastThatWasPlayed) {
