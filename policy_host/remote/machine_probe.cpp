@@ -3,17 +3,19 @@
 
 #include <arpa/inet.h>
 #include <ifaddrs.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
 #include <memory>
+#include <utility>
 
 namespace takt::policy_host::remote {
 namespace {
 
-constexpr in_port_t kPort = 9;  // discard (RFC 863): whoever has a listener there is asked in vain, and harmlessly
+constexpr in_port_t kPort = 9;  // discard (RFC 863): a listener there is an answer, too
 
 }  // namespace
 
@@ -30,39 +32,51 @@ std::string address_of(const std::string& interface) {
   return {};
 }
 
-void MachineProbe::close() {
-  if (socket_ >= 0) ::close(socket_);
-  socket_ = -1;
+void MachineProbe::give_up() {
+  for (int& socket : sockets_)
+    if (const int fd = std::exchange(socket, -1); fd >= 0) ::close(fd);
 }
 
 void MachineProbe::aim(const std::string& address) {
   if (address == address_) return;
-  close();
+  give_up();
   address_ = address;
   tries_ = 0;
   asked_at_ = answered_at_ = {};
-  sockaddr_in to{};
-  to.sin_family = AF_INET;
-  to.sin_port = htons(kPort);
-  if (inet_pton(AF_INET, address.c_str(), &to.sin_addr) != 1) return;
-  socket_ = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-  if (socket_ < 0) return;
-  if (setsockopt(socket_, SOL_SOCKET, SO_BINDTODEVICE, interface_.data(), static_cast<socklen_t>(interface_.size())) !=
-          0 ||
-      connect(socket_, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0)
-    close();
+  to_ = {};
+  to_.sin_port = htons(kPort);
+  if (inet_pton(AF_INET, address.c_str(), &to_.sin_addr) == 1) to_.sin_family = AF_INET;
+}
+
+void MachineProbe::begin_try(int& socket) const {
+  if (socket >= 0) ::close(socket);
+  socket = ::socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+  if (socket < 0) return;
+  const linger at_once{1, 0};  // where there is a listener, it is left without ado
+  const auto length = static_cast<socklen_t>(interface_.size());
+  setsockopt(socket, SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);
+  if (setsockopt(socket, SOL_SOCKET, SO_BINDTODEVICE, interface_.data(), length) != 0)
+    ::close(std::exchange(socket, -1));
+  else
+    (void)connect(socket, reinterpret_cast<const sockaddr*>(&to_), sizeof to_);
 }
 
 void MachineProbe::ask(MonoTime now, MonoTime silent_since) {
-  if (socket_ < 0) return;
-  std::array<char, 1> nothing{};
-  if (recv(socket_, nothing.data(), nothing.size(), 0) < 0 && errno == ECONNREFUSED) answered_at_ = now;
+  if (to_.sin_family == 0) return;
+  for (int& socket : sockets_) {
+    pollfd looked{socket, POLLOUT, 0};
+    if (socket < 0 || poll(&looked, 1, 0) <= 0) continue;
+    int error = 0;
+    socklen_t length = sizeof error;
+    getsockopt(socket, SOL_SOCKET, SO_ERROR, &error, &length);
+    if (error == 0 || error == ECONNREFUSED) answered_at_ = now;
+    ::close(std::exchange(socket, -1));
+  }
   if (!silent_since.is_set() && (answered_at_.is_set() || tries_ >= kFirstTries)) return;
   if (asked_at_.is_set() && now - asked_at_ < (silent_since.is_set() ? kPeriod : kFarPeriod)) return;
   asked_at_ = now;
   ++tries_;
-  // A refusal of an earlier one may be told here as well.
-  if (send(socket_, nothing.data(), 0, 0) < 0 && errno == ECONNREFUSED) answered_at_ = now;
+  begin_try(sockets_.at(next_++ % sockets_.size()));
 }
 
 Machine MachineProbe::verdict(MonoTime silent_since) const {

@@ -1,16 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether another machine is there though a program on it is not heard: an empty datagram to a UDP port that has no
-// listener is refused by the machine itself, which a connected socket is told. Without a refusal nothing is known: a
-// firewall may keep it back. So silence counts only of a machine that has refused before.
+// Whether another machine is there though a program on it is not heard: a TCP connection to a port that has no listener
+// is refused by the machine itself. (An ICMP error for a datagram would say the same, but kernels bound their rate, and
+// DDS discovery spends it.) Without an answer nothing is known: a firewall may keep it back. So silence counts only of
+// a machine that has answered before.
 //
-// The address is the other machine's claim; what is sent there is empty, leaves by one interface and is bounded in
-// rate. Thread rule: one thread.
+// The address is the other machine's claim: nothing is sent to it but the beginning of a connection, by one interface,
+// at a bounded rate.
+// Thread rule: one thread.
 #pragma once
 
 #include <netinet/in.h>
 
-#include <optional>
+#include <array>
+#include <cstddef>
 #include <string>
+#include <utility>
 
 #include "executive/contract/mono_time.hpp"
 
@@ -23,13 +27,13 @@ std::string address_of(const std::string& interface);
 
 class MachineProbe {
  public:
-  static constexpr Duration kPeriod = milliseconds(50);  // between two datagrams in silence
+  static constexpr Duration kPeriod = milliseconds(50);  // between two tries in silence
   static constexpr Duration kFarPeriod = seconds(1);     // while nothing is the matter, until it was answered once
   static constexpr int kFirstTries = 10;                 // of those
   explicit MachineProbe(std::string interface) : interface_(std::move(interface)) {}
   MachineProbe(const MachineProbe&) = delete;
   MachineProbe& operator=(const MachineProbe&) = delete;
-  ~MachineProbe() { close(); }
+  ~MachineProbe() { give_up(); }
 
   // What is asked from here on. The same again changes nothing; what is no address is not asked.
   void aim(const std::string& address);
@@ -39,9 +43,12 @@ class MachineProbe {
   [[nodiscard]] Machine verdict(MonoTime silent_since) const;
 
  private:
-  void close();
+  void give_up();
+  void begin_try(int& socket) const;
   std::string interface_, address_;
-  int socket_ = -1;
+  sockaddr_in to_{};                                    // sin_family 0: nothing is asked
+  std::array<int, 6> sockets_{-1, -1, -1, -1, -1, -1};  // tries under way
+  std::size_t next_ = 0;
   int tries_ = 0;
   MonoTime asked_at_, answered_at_;
 };

@@ -17,7 +17,7 @@ TEST(MachineProbe, KnowsAMachineThatIsThere) {
   probe.aim(address_of("lo"));
   const MonoTime silent_since = monotonic_now();
   EXPECT_EQ(probe.verdict(silent_since), Machine::unknown);
-  probe.ask(silent_since, silent_since);  // the refusal is there when the next one is sent
+  probe.ask(silent_since, silent_since);  // the loopback's refusal is there at once
   probe.ask(silent_since + MachineProbe::kPeriod, silent_since);
   EXPECT_EQ(probe.verdict(silent_since), Machine::answers);
   EXPECT_EQ(probe.verdict(silent_since + seconds(1)), Machine::silent) << "it answered before that";
