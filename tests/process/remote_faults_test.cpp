@@ -143,7 +143,9 @@ class Stage {
     std::ofstream(base_) << text
                          << "\ndds: { interface: takt0, peers: [{ address: 10.77.0.1 }, { address: 10.77.0.2 }] }\n";
     robot = std::make_unique<RunningRobot>(
-        "", base_, std::vector<config::Override>{{"freshness.max_age", "400 ms"}, {"freshness.stop_after", "1500 ms"}});
+        "", base_,
+        std::vector<config::Override>{
+            {"freshness.max_age", "400 ms"}, {"freshness.stop_after", "1500 ms"}, {"control.late_share", "1"}});
     target = std::make_unique<Target>(robot->directory());
     bridge.emplace(start(0, "takt-policy-bridge", robot->directory(), "bridge"));
     far = start_server("far", 1, host_options);
@@ -357,8 +359,10 @@ std::string try_once(const Kind& kind, const std::string& keep) {
   if (!stage.robot->finish() && wrong.empty()) wrong = "its programs ended badly";
   if (wrong.empty()) wrong = judge(kind, stage);
   if (!wrong.empty() && !keep.empty()) {
+    std::error_code ignored;
     std::filesystem::copy(stage.robot->run_directory(), keep + "/" + kind.name,
-                          std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing);
+                          std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing,
+                          ignored);
     std::ofstream(keep + "/" + kind.name + ".log")
         << stage.robot->logs() << text_of(stage.log("bridge")) << text_of(stage.log("far"));
   }
