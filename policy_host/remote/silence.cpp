@@ -49,10 +49,11 @@ std::string Silence::reason_of(const ServerState& server, std::uint64_t epoch, D
   if (!is_heard(server, max_age, now)) return not_heard(machine);
   if (server.has_other_files) return "has another robot file or policy.file: use the same on both machines";
   if (!server.has_policy) return "has no policy: its host left, or has not come";
-  if (server.lacks_samples) return "does not get the sensors' samples: the network to it is too slow";
+  const bool shows_none = server.shown_age < Duration{} || server.shown_age > max_age;
+  // One that came without its samples, among others, is no reason.
+  if (server.lacks_samples && shows_none) return "does not get the sensors' samples: the network to it is too slow";
   if (server.epoch != 0 && server.epoch != epoch) return "answers another robot of this name";
-  if (server.epoch == 0 || server.shown_age < Duration{} || server.shown_age > max_age)
-    return "does not hear this robot: the network to it failed";
+  if (server.epoch == 0 || shows_none) return "does not hear this robot: the network to it failed";
   if (!server.problem.empty()) return "hears this robot, and its policy says: " + server.problem;
   if (const std::string refused = most_refused(); !refused.empty())
     return "gives answers that are not played: " + refused;

@@ -42,7 +42,9 @@ TEST(Silence, NamesThePartThatFailed) {
       {[](ServerState& s) { s.epoch = 6; }, "policy server far answers another robot of this name"},
       {[](ServerState& s) { s.problem = "ws://gpu:8000 closed the connection"; },
        "policy server far hears this robot, and its policy says: ws://gpu:8000 closed the connection"},
-      {[](ServerState& s) { s.lacks_samples = true; }, "policy server far does not get the sensors' samples"},
+      {[](ServerState& s) { s.lacks_samples = true, s.shown_age = kMaxAge * 2; },
+       "policy server far does not get the sensors' samples"},
+      {[](ServerState& s) { s.lacks_samples = true; }, "policy server far hears this robot, and its policy does not"},
       {[](ServerState& s) { s.has_other_files = true; }, "policy server far has another robot file or policy.file"},
   };
   for (const Case& one : cases) {
