@@ -60,7 +60,7 @@ struct RolloutSetup {
   std::function<void(const CommandChunk&)> on_command = {};  // before the tick that reads it
   std::function<void(const TickRecord&)> on_tick = {};
   std::function<void(const ShownSample&)> on_shown = {};  // to the policy, not to its fallback
-  WorldProcess* world = nullptr;  // plays the mechanics; null: the robot file's own
+  WorldProcess* world = nullptr;                          // plays the mechanics; null: the robot file's own
   std::function<void(const plant::WorldEnd&)> on_world_end = {};
   std::function<void(const std::string& why)> on_silence = {};  // of a program that ended or hung
 };
