@@ -5,6 +5,7 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <poll.h>
 #include <sys/file.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -611,6 +612,8 @@ TEST_F(Rendezvous, ClientShowsNoRefusalThatATerminalObeys) {
   ASSERT_TRUE(listener) << listener.error();
   const auto refused_with = [&](const Welcome& welcome) {
     const std::jthread server([&] {
+      pollfd newcomer{listener->get(), POLLIN, 0};  // whose accept() does not wait
+      EXPECT_EQ(poll(&newcomer, 1, -1), 1);
       const Descriptor socket(accept(listener->get(), nullptr, nullptr));
       Hello hello;
       EXPECT_EQ(recv(socket.get(), &hello, sizeof hello, 0), static_cast<ssize_t>(sizeof hello));
