@@ -44,7 +44,7 @@ std::expected<FileHandle, std::string> bind_listener(const std::string& path) {
   FileHandle listener = open_loopback_socket();
   if (!listener.is_open() ||
       ::bind(listener.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(sockaddr_un)) != 0 ||
-      ::chmod(path.c_str(), 0660) != 0 || ::listen(listener.get(), 8) != 0)
+      ::chmod(path.c_str(), S_IRUSR | S_IWUSR) != 0 || ::listen(listener.get(), 8) != 0)
     return std::unexpected("loopback hub cannot listen at " + path + " (" + std::strerror(errno) +
                            "): choose a writable --runtime-dir");
   return listener;

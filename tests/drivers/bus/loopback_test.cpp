@@ -55,6 +55,14 @@ class Loopback : public testing::Test {
   std::array<ReceivedFrame, 64> got;
 };
 
+// Policies' users share the group of the plant and the executive under systemd.
+// Threat: policy-loopback
+TEST_F(Loopback, ItsGroupHasNoWayToTheBus) {
+  listen("closed");
+  using std::filesystem::perms;
+  EXPECT_EQ(std::filesystem::status(path).permissions(), perms::owner_read | perms::owner_write);
+}
+
 TEST_F(Loopback, EveryOtherNodeHearsAFrameAndTheSenderDoesNot) {
   listen("others");
   const auto a = node();
