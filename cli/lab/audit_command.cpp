@@ -17,6 +17,7 @@
 #include "cli/lab_commands.hpp"
 #include "cli/run/policy_host_option.hpp"
 #include "cli/world_option.hpp"
+#include "config/printable.hpp"
 #include "evidence/attestation/attestation.hpp"
 #include "lab/artifact/signature.hpp"
 #include "lab/judge/audit.hpp"
@@ -147,7 +148,7 @@ int audit(const AuditOptions& options) {
   if (options.draft) {
     const auto drafted = panel::draft_post_mortems(*artifact);
     if (!drafted) return fail(kCommand, drafted.error());
-    fmt::print(stderr, "{} post-mortems drafted in {}\n", *drafted, artifact->folder.post_mortems());
+    fmt::print(stderr, "{} post-mortems drafted in {}\n", *drafted, config::printable(artifact->folder.post_mortems()));
   }
   panel::Audit result = panel::audit(*artifact, panel::panel_promise(artifact->folder.panel()));
   if (!options.recompute.empty()) {

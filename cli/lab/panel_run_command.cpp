@@ -16,6 +16,7 @@
 #include "cli/run/policy_host_option.hpp"
 #include "cli/world_option.hpp"
 #include "config/load.hpp"
+#include "config/printable.hpp"
 #include "lab/artifact/artifact.hpp"
 #include "lab/artifact/confusion.hpp"
 #include "lab/panel/harm_table.hpp"
@@ -109,7 +110,7 @@ void print_summary(const PanelRunOptions& options, const std::string& id, const 
   const std::string harm = panel::harm_table(rows);
   fmt::print("{}\n{}\n{}{}\n{}{}{} rollouts, {} of them now, {} succeeded: {} in {}\n", panel::panel_table(rows),
              panel::latency_table(rows), panel::motion_table(rows), panel::confusion_text(panel::confusions_of(rows)),
-             harm, harm.empty() ? "" : "\n", rows.size(), ran, succeeded, id, options.out);
+             harm, harm.empty() ? "" : "\n", rows.size(), ran, succeeded, id, config::printable(options.out));
   if (decision) fmt::print("{}\n", decision->text());
 }
 

@@ -61,7 +61,7 @@ TEST(Confusion, IsSilentWhereNothingWasPlanted) {
 TEST(Confusion, EveryPlantingPerturbationExists) {
   std::size_t planting = 0;
   for (const PerturbationKind& kind : perturbation_kinds()) planting += planted_faults(kind.name).size();
-  EXPECT_EQ(planting, 17U);
+  EXPECT_EQ(planting, 20U);
   EXPECT_TRUE(planted_faults("none").empty());
 }
 
