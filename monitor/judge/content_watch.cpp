@@ -213,16 +213,18 @@ WrongContent ContentWatch::tick(const TickRecord& record) {
     before_ = watched_.field == CommandField::q ? q_ : std::vector<float>{};
     before_is_measured_ = true;
     usual_jump_ = 0;
+    reordered_ = 0;
   }
   if (relies && header.arrival == Arrival::accepted && !asked_.empty()) {
     if (before_.size() == asked_.size()) {
       const std::uint64_t reordered = reordered_joints(asked_, before_, usual_jump_);
-      if (reordered != 0) {
-        found_.reordered_joints = reordered;
-        found_.is_trouble = true;
-      } else if (!before_is_measured_) {
+      const std::uint64_t stood = reordered_;
+      if (reordered != 0)
+        reordered_ = stood == 0 ? reordered : 0;
+      else if (!before_is_measured_)
         learn(usual_jump_, largest_difference(asked_, before_));
-      }
+      found_.reordered_joints = std::max(stood, reordered_);
+      found_.is_trouble = found_.is_trouble || found_.reordered_joints != 0;
     }
     before_ = asked_;
     before_is_measured_ = false;

@@ -10,7 +10,7 @@
 //              itself from the third within a second on. Not of a unit quaternion, whose opposite is the same turn, nor
 //              of an angle at its half turn.
 //   reordered  a command's first step gives three joints or more one another's targets of the command before, or, when
-//              the policy takes over, one another's measured positions.
+//              the policy takes over, one another's measured positions; and all later ones, until they are given back.
 // A step is the distance between neighbours; the usual one is a running mean of those that are none of the above.
 //
 // What it cannot see: values that freeze where they would have stayed, a lie from the first sample on, a wrong order
@@ -90,7 +90,8 @@ class ContentWatch {
   std::vector<float> asked_;   // the first step of the command to come; empty: none
   std::vector<float> before_;  // of the newest that was accepted, or the joints' positions
   bool before_is_measured_ = true;
-  double usual_jump_ = 0;  // of a command's targets against the one before
+  std::uint64_t reordered_ = 0;  // joints whose targets are another's; 0: none
+  double usual_jump_ = 0;        // of a command's targets against the one before
   std::uint8_t session_ = 0;
   bool relied_ = false;
   WrongContent found_;

@@ -602,7 +602,7 @@ TEST_F(Cli, RunFollowsItsScriptAndLeavesOnlyTheRunFolder) {
     if (name == "operator") {
       asked.push_back(event.at("action"));
       EXPECT_EQ(event.at("uid"), getuid()) << line;
-      EXPECT_EQ(event.at("process"), "takt") << line;
+      EXPECT_EQ(event.at("process").get<std::string>().find("takt"), 0U) << line;
       continue;
     }
     EXPECT_GT(event.at("monotonic_ns").get<std::int64_t>(), 0) << line;
