@@ -16,10 +16,11 @@
 
 namespace takt {
 
-// "de-energise" as `takt stop --now` does it; "press" as a stop whose second one takes the power.
+// "press stop" is `takt stop`, whose second press takes the power; "stop" is a program's; "de-energise" takes it at
+// once.
 constexpr std::string_view name(OperatorVerb verb) {
-  constexpr std::array<std::string_view, kOperatorVerbCount> names{"status", "arm",         "stop", "reset", "mark",
-                                                                   "press",  "de-energise", "swap", "back"};
+  constexpr std::array<std::string_view, kOperatorVerbCount> names{"status",     "arm",         "stop", "reset", "mark",
+                                                                   "press stop", "de-energise", "swap", "back"};
   const auto index = static_cast<std::size_t>(verb);
   return index < names.size() ? names[index] : "invalid";
 }
@@ -29,8 +30,7 @@ struct OperatorWord {
   MonoTime heard_at;      // when the executive heard it
   std::int32_t pid = 0;   // the kernel's word, as the next two
   std::uint32_t uid = 0;  // user
-  char program[16] =
-      {};  // /proc/PID/comm, which the process may change; printable; empty: it ended before it was asked
+  char program[16] = {};  // printable; /proc/PID/comm, which the process may change; empty: it has ended
   OperatorVerb verb = OperatorVerb::status;
   std::uint8_t done = 0;  // 1: it was done; 0: refused, or not noticed in time
   std::uint8_t reserved[6] = {};

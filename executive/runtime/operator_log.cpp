@@ -7,6 +7,8 @@
 #include <string>
 #include <string_view>
 
+#include "executive/ipc/hello_check.hpp"
+
 namespace takt::runtime {
 namespace {
 
@@ -14,8 +16,6 @@ namespace {
 std::string program_of(pid_t pid) {
   std::string program;
   std::getline(std::ifstream("/proc/" + std::to_string(pid) + "/comm"), program);
-  for (char& c : program)
-    if (c < ' ' || c > '~') c = '?';
   return program;
 }
 
@@ -30,6 +30,7 @@ void OperatorLog::note(const ipc::Peer& peer, OperatorVerb verb, const OperatorR
   word.verb = verb;
   word.done = reply.done;
   program_of(peer.pid).copy(word.program, sizeof word.program - 1);
+  ipc::make_printable(word.program);
   const std::string_view said(reply.sentences);  // zero-terminated
   said.substr(0, said.find('\n')).copy(word.answer, sizeof word.answer - 1);
   spdlog::info("{} by pid {} ({}), user {}: {}", name(verb), word.pid, word.program, word.uid,

@@ -30,10 +30,9 @@ struct RunEvent {
   std::string process;  // script: that it strikes; started, ended: "takt-policy-host"; operator: that asked
   std::string role;     // policy: "policy", "fallback policy", "candidate policy"
   std::string kind;     // policy: PolicyWordKind
-  std::string
-      what;  // fault: "elbow: silent for 200 ms"; policy: its sentence, empty where a problem is over; operator: answer
-  std::string how;                   // ended: "was killed by SIGKILL"
-  Duration length;                   // script: of what ends by itself
+  std::string what;     // fault: "elbow: silent for 200 ms"; policy: its sentence; operator: the answer
+  std::string how;      // ended: "was killed by SIGKILL"
+  Duration length;      // script: of what ends by itself
   std::uint64_t first_sequence = 0;  // policy: of a source's first command
   std::uint64_t superseded = 0;      // policy: words that came before it and are not in the file
   std::int64_t pid = 0, uid = 0;     // operator
