@@ -69,7 +69,7 @@ void McapWriter::write(std::uint16_t channel, std::uint64_t log_time, std::span<
 }
 
 // The chunk record and the message indexes behind it, as one piece: on disk they appear together or not at all.
-Bytes McapWriter::chunk_record(ChunkIndex& index) const {
+Bytes McapWriter::chunk_record(ChunkIndex& index, std::vector<TopicIndex>& topics) const {
   Bytes compressed(ZSTD_compressBound(chunk_.size()));
   compressed.resize(
       ZSTD_compress(compressed.data(), compressed.size(), chunk_.data(), chunk_.size(), kCompressionLevel));
@@ -84,23 +84,32 @@ Bytes McapWriter::chunk_record(ChunkIndex& index) const {
       .put(static_cast<std::uint64_t>(compressed.size()))
       .bytes(compressed)
       .end();
-  index = {chunk_first_, chunk_last_, file_.size(), out.size(), 0, compressed.size(), chunk_.size(), {}};
+  const auto length = static_cast<std::uint32_t>(out.size());
   for (const auto& [channel, entries] : chunk_entries_) {
-    index.index_offsets[channel] = index.offset + out.size();
+    topics.push_back({static_cast<std::uint32_t>(out.size()), channel});
     const auto bytes = static_cast<std::uint32_t>(entries.size() * sizeof(IndexEntry));
     Builder(out).begin(Opcode::message_index).put(channel).put(bytes).raw(entries.data(), bytes).end();
   }
-  index.index_length = out.size() - index.length;
+  index = {chunk_first_,
+           chunk_last_,
+           file_.size(),
+           length,
+           static_cast<std::uint32_t>(out.size()) - length,
+           static_cast<std::uint32_t>(compressed.size()),
+           static_cast<std::uint32_t>(chunk_.size()),
+           static_cast<std::uint32_t>(topics.size())};
   return out;
 }
 
 bool McapWriter::flush() {
   if (pending_messages_ == 0) return file_.failure().empty();
-  ChunkIndex index;
-  const bool written = file_.append(chunk_record(index)) && file_.sync();
+  ChunkIndex index{};
+  std::vector<TopicIndex> topics;
+  const bool written = file_.append(chunk_record(index, topics)) && file_.sync();
   if (written) {
     for (const auto& [channel, entries] : chunk_entries_) counts_[channel] += entries.size();
-    chunks_.push_back(std::move(index));
+    chunks_.push_back(index);
+    topics_.insert(topics_.end(), topics.begin(), topics.end());
   }
   discard_pending();
   return written;
@@ -116,7 +125,7 @@ void McapWriter::put_statistics(Bytes& out) const {
   std::uint64_t messages = 0, first = 0, last = 0;
   for (const auto& [channel, count] : counts_) messages += count;
   for (const ChunkIndex& chunk : chunks_) {
-    first = &chunk == chunks_.data() ? chunk.first_time : std::min(first, chunk.first_time);
+    first = &chunk == &chunks_.front() ? chunk.first_time : std::min(first, chunk.first_time);
     last = std::max(last, chunk.last_time);
   }
   Builder builder(out);
@@ -149,12 +158,16 @@ Bytes McapWriter::summary(std::uint64_t start) const {
     Builder(out).begin(Opcode::metadata_index).put(metadata_offset_).put(metadata_length_).text("takt").end();
   });
   group(Opcode::chunk_index, [&] {
+    const auto wide = [](std::uint32_t bytes) { return std::uint64_t{bytes}; };
+    auto topic = topics_.begin();
     for (const ChunkIndex& chunk : chunks_) {
       Builder builder(out);
       builder.begin(Opcode::chunk_index).put(chunk.first_time).put(chunk.last_time);
-      builder.put(chunk.offset).put(chunk.length).put(static_cast<std::uint32_t>(chunk.index_offsets.size() * 10));
-      for (const auto& [channel, offset] : chunk.index_offsets) builder.put(channel).put(offset);
-      builder.put(chunk.index_length).text(kCompression).put(chunk.compressed).put(chunk.uncompressed).end();
+      builder.put(chunk.offset).put(wide(chunk.length)).put(chunk.topics * 10);
+      for (std::uint32_t i = 0; i < chunk.topics; ++i, ++topic)
+        builder.put(topic->channel).put(chunk.offset + topic->at);
+      builder.put(wide(chunk.index_length)).text(kCompression);
+      builder.put(wide(chunk.compressed)).put(wide(chunk.uncompressed)).end();
     }
   });
   const std::uint64_t offsets_start = start + out.size();

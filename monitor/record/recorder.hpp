@@ -53,6 +53,7 @@ class Recorder {
   [[nodiscard]] std::uint64_t size() const;
   // Newest tick that the medium has, or that stood by and was left out; 0: none yet, or recording stopped.
   [[nodiscard]] std::uint64_t written_through() const { return stop_reason().empty() ? flushed_through_ : 0; }
+  [[nodiscard]] MonoTime now() const { return now_; }  // of the newest tick that it was given
   // Newest tick that it was given, or told to be left out.
   [[nodiscard]] std::uint64_t newest_tick() const { return newest_tick_; }
   [[nodiscard]] const RunManifest& manifest() const { return manifest_; }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "monitor/record/run_parts.hpp"
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <charconv>
 #include <filesystem>
@@ -21,17 +23,19 @@ constexpr int kDrainsToLinger = 2;
 
 std::expected<std::unique_ptr<RunParts>, std::string> RunParts::start(const RunFolder& folder, RunManifest manifest,
                                                                       const config::RobotConfig& robot,
-                                                                      std::uint64_t part_bytes) {
+                                                                      std::uint64_t part_bytes, Duration longest_part) {
   auto first = Recorder::start(folder, std::move(manifest), robot);
   if (!first) return std::unexpected(first.error());
-  return std::unique_ptr<RunParts>(new RunParts(folder, std::move(*first), part_bytes));
+  return std::unique_ptr<RunParts>(new RunParts(folder, std::move(*first), part_bytes, longest_part));
 }
 
-RunParts::RunParts(RunFolder folder, std::unique_ptr<Recorder> first, std::uint64_t part_bytes)
+RunParts::RunParts(RunFolder folder, std::unique_ptr<Recorder> first, std::uint64_t part_bytes, Duration longest_part)
     : base_(folder.path()),
       folder_(std::move(folder)),
       part_bytes_(part_bytes),
+      longest_part_(longest_part),
       next_at_bytes_(part_bytes),
+      next_at_(first->manifest().started_at + longest_part),
       current_(std::move(first)),
       thinner_(into_parts_) {
   sink_ = {.command = [this](const RecordedCommand& command) { thinner_.command(command); },
@@ -63,8 +67,13 @@ void RunParts::policy_input(const RecordedPolicyInput& input) {
 
 void RunParts::keyframe(const RecordedKeyframe& keyframe) {
   current_->sink().keyframe(keyframe);
+  if (is_due(keyframe)) begin_next(keyframe);
+}
+
+bool RunParts::is_due(const RecordedKeyframe& keyframe) const {
   const bool is_of_newest = keyframe.tick == current_->newest_tick();  // and that tick was not lost
-  if (is_of_newest && !ending_ && current_->size() >= next_at_bytes_ && stop_reason().empty()) begin_next(keyframe);
+  const bool is_long = current_->size() >= next_at_bytes_ || current_->now() >= next_at_;
+  return is_of_newest && is_long && !ending_ && stop_reason().empty();
 }
 
 void RunParts::begin_next(const RecordedKeyframe& keyframe) {
@@ -75,10 +84,12 @@ void RunParts::begin_next(const RecordedKeyframe& keyframe) {
     std::error_code ignored;
     if (folder) std::filesystem::remove_all(folder->path(), ignored);
     next_at_bytes_ = current_->size() + part_bytes_ / 16;
+    next_at_ = current_->now() + Duration{longest_part_.ns / 16};
     return;
   }
   failure_.clear();
   next_at_bytes_ = part_bytes_;
+  next_at_ = (*next)->manifest().started_at + longest_part_;
   const std::string suffix = folder->path().substr(base_.size() + 1);
   std::from_chars(suffix.data(), suffix.data() + suffix.size(), number_);
   through_before_ = current_->written_through();
@@ -95,11 +106,11 @@ void RunParts::flush_if_due(MonoTime now) {
   if (ending_ && ++drains_since_seam_ >= kDrainsToLinger) close_ending();
 }
 
-// Each part says by its seal which one it goes on from, so that the seals of a session are a chain.
 void RunParts::wait_for_closer() {
   if (closer_.joinable()) closer_.join();
 }
 
+// Each part says by its seal which one it goes on from, so that the seals of a session are a chain.
 void RunParts::close_ending() {
   wait_for_closer();
   ending_->recorder->goes_on_from(seal_of_closed_);
@@ -108,6 +119,8 @@ void RunParts::close_ending() {
     if (ending->last_words) ending->last_words(ending->recorder->sink());
     (void)ending->recorder->finish(at, "the recording goes on in " + in);
     seal_of_closed_ = config::file_sha256(RunFolder(ending->folder).seal()).value_or("");
+    ending->recorder.reset();
+    ::malloc_trim(0);  // its index lay between what lives on
     const std::scoped_lock lock(closed_mutex_);
     closed_.push_back(ending->folder);
   });

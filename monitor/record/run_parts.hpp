@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The record of one session, in parts: when the largest file of a run folder has grown to `part_bytes`, the next
-// keyframe ends it, and a folder of its own begins, with the same keyframe. Nothing is lost in between, and each part
-// reads, reports, replays and is sealed by itself; their manifests name one another. So nothing that grows while a
-// robot runs has a limit at which it would have to stop, and old parts can be deleted while new ones are written.
+// The record of one session, in parts: when a run folder's largest file has grown to a limit, or the part has lasted
+// for an hour, the next keyframe ends it, and a folder of its own begins, with the same keyframe. Nothing is lost in
+// between, and each part reads, reports, replays and is sealed by itself; their manifests name one another. So nothing
+// that grows while a robot runs has a limit at which it would have to stop, no index or seal in memory grows for ever,
+// and old parts can be deleted while new ones are written.
 //
 // Where no next folder can be made, the one that is there takes more. A thread of its own says a part's last words.
 // Thread rule: one thread. Errors of start() are one sentence.
@@ -25,6 +26,7 @@
 namespace takt::monitor {
 
 inline constexpr std::uint64_t kDefaultPartBytes = std::uint64_t{1} << 30U;
+inline constexpr Duration kLongestPart = seconds(3600);
 
 class RunParts {
  public:
@@ -35,7 +37,8 @@ class RunParts {
 
   static std::expected<std::unique_ptr<RunParts>, std::string> start(const RunFolder& folder, RunManifest manifest,
                                                                      const config::RobotConfig& robot,
-                                                                     std::uint64_t part_bytes);
+                                                                     std::uint64_t part_bytes,
+                                                                     Duration longest_part = kLongestPart);
   RunParts(const RunParts&) = delete;
   RunParts& operator=(const RunParts&) = delete;
   ~RunParts();  // waits for what is being closed
@@ -64,7 +67,8 @@ class RunParts {
     std::string folder;
     LastWords last_words;
   };
-  RunParts(RunFolder folder, std::unique_ptr<Recorder> first, std::uint64_t part_bytes);
+  RunParts(RunFolder folder, std::unique_ptr<Recorder> first, std::uint64_t part_bytes, Duration longest_part);
+  [[nodiscard]] bool is_due(const RecordedKeyframe& keyframe) const;
   void keyframe(const RecordedKeyframe& keyframe);
   void policy_input(const RecordedPolicyInput& input);
   void begin_next(const RecordedKeyframe& keyframe);
@@ -73,7 +77,10 @@ class RunParts {
 
   const std::string base_;
   RunFolder folder_;
-  std::uint64_t part_bytes_, next_at_bytes_;
+  const std::uint64_t part_bytes_;
+  const Duration longest_part_;
+  std::uint64_t next_at_bytes_;
+  MonoTime next_at_;
   int number_ = 1;
   std::unique_ptr<Recorder> current_;
   RecordSink into_parts_;  // what the thinner keeps

@@ -50,12 +50,12 @@ def descriptors(pid):
 
 
 class Disk:
-    """A small file system of its own, where this machine lends one."""
+    """A small file system of its own, where this machine lends one; `large`: a folder of the machine's."""
 
-    def __init__(self, place):
+    def __init__(self, place, large):
         self.place = place
         place.mkdir()
-        self.is_small = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={DISK}", "tmpfs", place], capture_output=True, check=False).returncode == 0
+        self.is_small = not large and subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={DISK}", "tmpfs", place], capture_output=True, check=False).returncode == 0
 
     def fill(self):
         with contextlib.suppress(OSError), open(self.place / "full", "wb") as file:
@@ -73,16 +73,17 @@ class Disk:
 class Life:
     """One `takt run`: its processes, its folders, and what went wrong."""
 
-    def __init__(self, soak, number, in_peace=False):
+    def __init__(self, soak, number, in_peace=0.0):
+        """`in_peace`: for so many seconds, on a bus without faults."""
         self.soak, self.random = soak, soak.random
         self.place = soak.scratch / f"life{number}"
         self.place.mkdir()
-        self.disk = Disk(self.place / "disk")
+        self.disk = Disk(self.place / "disk", large=in_peace > 0)
         self.sockets, self.folder = self.place / "sockets", self.disk.place / "run"
         self.robot = Operated(soak.programs, self.sockets)
         self.wrong, self.faults, self.last_tick = [], [], 0
         self.run = self.robot.start(soak.robot_file, self.folder, *([] if in_peace else [f"--plant=--scenario={self.bus_faults()}"]),
-                                    start_new_session=True, env=os.environ | {"TAKT_SOAK": str(self.place)})
+                                    duration=f"{in_peace + 600:.0f}s", start_new_session=True, env=os.environ | {"TAKT_SOAK": str(self.place)})
 
     def bus_faults(self):
         """A scenario of them."""
@@ -208,6 +209,13 @@ class Life:
                 self.status()
                 goes_on = goes_on and self.run.poll() is None and self.robot.wait_until(self.tracks_or_ends, 20) and self.run.poll() is None
 
+    def work_for(self, seconds):
+        """In tracking, whatever a busy machine stops."""
+        until = time.monotonic() + seconds
+        while time.monotonic() < until and self.run.poll() is None:
+            self.tracks_or_ends(self.status())
+            time.sleep(min(10.0, max(0.0, until - time.monotonic())))
+
     def tracks_or_ends(self, status):
         self.last_tick = max(self.last_tick, status.get("ticks", 0))
         if self.run.poll() is not None:
@@ -315,13 +323,13 @@ class Soak:
             print(line, flush=True)
 
     def in_peace(self, seconds):
-        """What a robot at work takes after a minute and at the end."""
-        life = Life(self, "-in-peace", in_peace=True)
+        """What a robot at work takes after a third of the time and at the end."""
+        life = Life(self, "-in-peace", in_peace=seconds)
         if not life.robot.get_going():
             life.complain("it never tracked")
-        time.sleep(seconds / 3)
+        life.work_for(seconds / 3)
         before = {name: (resident(pid), descriptors(pid)) for name, pid in life.processes().items()}
-        time.sleep(2 * seconds / 3)
+        life.work_for(2 * seconds / 3)
         after = {name: (resident(pid), descriptors(pid)) for name, pid in life.processes().items()}
         if life.run.poll() is not None:
             life.complain(f"`takt run` ended with {life.run.returncode}, left in peace")

@@ -2,6 +2,7 @@
 // Goal: what was written is read back, whatever happened to the file in between. Method: a small recording, cut off at
 // every length, damaged at every byte, and stopped by a size limit.
 #include <gtest/gtest.h>
+#include <malloc.h>
 #include <sys/stat.h>
 #include <zstd.h>
 
@@ -133,6 +134,28 @@ TEST_F(McapTest, ASizeLimitKeepsWholeChunks) {
   EXPECT_FALSE(finished_);
   EXPECT_EQ(std::filesystem::file_size(file_), ends_.back());
   EXPECT_EQ(read(file_), 2 * kPerChunk);
+}
+
+// Goal: a recorder that runs for hours keeps little of what it wrote. Method: the heap before and after chunks of ten
+// topics each; what a sanitizer's allocator holds is not seen.
+TEST_F(McapTest, AWrittenChunkCostsLittleMemory) {
+  constexpr std::uint64_t kTopics = 10, kChunks = 400, kMostBytes = 200;
+  const std::vector<McapTopic> topics(kTopics, {"/a", "pkg/msg/A", "uint64 a\n"});
+  auto writer = McapWriter::create(file_, 1U << 24U, topics, {});
+  ASSERT_TRUE(writer) << writer.error();
+  const auto write_chunk = [&](std::uint64_t number) {
+    for (std::uint64_t topic = 1; topic <= kTopics; ++topic)
+      writer->write(static_cast<std::uint16_t>(topic), number, bytes_of(number));
+    ASSERT_TRUE(writer->flush());
+  };
+  write_chunk(0);
+  const std::size_t before = ::mallinfo2().uordblks;
+  for (std::uint64_t number = 1; number <= kChunks; ++number) write_chunk(number);
+  EXPECT_LE(::mallinfo2().uordblks, before + kChunks * kMostBytes);
+  EXPECT_TRUE(writer->finish());
+  std::uint64_t read = 0;
+  EXPECT_TRUE(McapReader::open(file_)->scan([&](const McapMessage&) { return ++read > 0; }).finished);
+  EXPECT_EQ(read, (kChunks + 1) * kTopics);
 }
 
 // Goal: a file costs what its bytes can pay for. Method: chunks of zeros, which zstd makes 10,000 times smaller, among

@@ -23,8 +23,9 @@ namespace {
 
 class RunPartsTest : public TemporaryFolder {
  protected:
-  void start(std::uint64_t part_bytes, const std::string& name = "run") {
-    auto started = RunParts::start(RunFolder::create(path(name)).value(), robot_.manifest(), demo_robot(), part_bytes);
+  void start(std::uint64_t part_bytes, const std::string& name = "run", Duration longest_part = kLongestPart) {
+    auto started = RunParts::start(RunFolder::create(path(name)).value(), robot_.manifest(), demo_robot(), part_bytes,
+                                   longest_part);
     ASSERT_TRUE(started) << started.error();
     parts_ = std::move(*started);
     stream_.emplace(RecordStream::attach(robot_.rings(), demo_robot().joints.size()).value());
@@ -137,6 +138,26 @@ TEST_F(RunPartsTest, AHundredSeamsWhileTrackingCostNothing) {
   EXPECT_NE(report_text(*metrics_of(middle), middle).find("part          goes on from run.50, goes on in run.52\n"),
             std::string::npos)
       << report_text(*metrics_of(middle), middle);
+}
+
+// Goal: a record that grows slowly goes on in parts, too: what its index and its seal hold in memory has an end.
+// Method: parts of three seconds, none of which comes near its size.
+TEST_F(RunPartsTest, APartEndsAfterItsTimeWhateverItsSize) {
+  start(kDefaultPartBytes, "run", seconds(3));
+  record(10'000);
+  finish();
+  ASSERT_GE(folders_.size(), 3U);
+  std::uint64_t newest = 0;
+  for (std::size_t i = 0; i < folders_.size(); ++i) {
+    const Ends ends = ends_of(part(i));
+    EXPECT_EQ(ends.first, newest + 1);
+    if (i + 1 < folders_.size()) {
+      EXPECT_GE(ends.ticks, 2'900U) << folders_[i];
+      EXPECT_LE(ends.ticks, 3'100U + VirtualRobot::kKeyframeEvery) << folders_[i];
+    }
+    newest = ends.last;
+  }
+  EXPECT_EQ(newest, 10'000U);
 }
 
 // Goal: where no folder can be made, the record takes more where it is, and says why. Method: a folder whose successors
