@@ -8,6 +8,8 @@
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 #include "cli/command.hpp"
 #include "cli/json_line.hpp"
@@ -28,6 +30,7 @@ struct OperatorOptions {
   std::string robot_file;
   bool json = false;
   bool now = false;
+  std::vector<std::string> text;  // of a mark, word by word
 };
 
 // The value of `robot: NAME`, at the beginning of a line. Nothing else in the file is looked at: a robot can be stopped
@@ -63,13 +66,13 @@ std::expected<std::string, Refusal> runtime_dir_of(const OperatorOptions& option
   return std::move(running->runtime_directory);
 }
 
-// Before anybody was asked.
-int refuse_request(const Refusal& refusal, const std::string& sentence, bool json) {
+// Before the executive was asked. `sentence`: for a person, where it says more than a program needs.
+int refuse_request(const Refusal& refusal, bool json, const std::string& sentence = {}) {
   if (json)
     fmt::print("{}\n",
                json_line(nlohmann::json{{"done", false}, {"sentences", {refusal.sentence}}, {"status", nullptr}}));
   else
-    fmt::print(stderr, "{}\n", sentence);
+    fmt::print(stderr, "{}\n", sentence.empty() ? refusal.sentence : sentence);
   return refusal.exit_code;
 }
 
@@ -89,11 +92,17 @@ void print_reply(OperatorVerb verb, const OperatorReply& reply, const OperatorOp
 
 int request(OperatorVerb verb, const OperatorOptions& options) {
   const auto directory = runtime_dir_of(options);
-  if (!directory) return refuse_request(directory.error(), directory.error().sentence, options.json);
-  const auto reply = ipc::ask(config::executive_socket(*directory), verb, kOperatorAnswersWithin);
+  if (!directory) return refuse_request(directory.error(), options.json);
+  std::string text;
+  for (const std::string& word : options.text) text += (text.empty() ? "" : " ") + word;
+  if (text.size() > ipc::kLongestMark)
+    return refuse_request({kExitUsage, fmt::format("takt mark: {} bytes of text, and at most {} are kept: say less",
+                                                   text.size(), ipc::kLongestMark)},
+                          options.json);
+  const auto reply = ipc::ask(config::executive_socket(*directory), verb, kOperatorAnswersWithin, 0, text);
   if (!reply)
-    return refuse_request({kExitUnavailable, reply.error()},
-                          fmt::format("no executive answers in {}: {}", *directory, reply.error()), options.json);
+    return refuse_request({kExitUnavailable, reply.error()}, options.json,
+                          fmt::format("no executive answers in {}: {}", *directory, reply.error()));
   print_reply(verb, *reply, options);
   return verb == OperatorVerb::status || reply->done != 0 ? kExitOk : kExitFailed;
 }
@@ -109,6 +118,8 @@ void add(CLI::App& app, int& exit_code, OperatorVerb verb, const char* word, con
   command->footer(footer);
   command->callback(
       [verb, options, &exit_code] { exit_code = request(options->now ? OperatorVerb::deenergise : verb, *options); });
+  if (verb == OperatorVerb::mark)
+    command->add_option("TEXT", options->text, "what it is: a few words, kept with the mark");
   if (verb == OperatorVerb::press_stop)
     command->add_flag("--now", options->now, "take the drives' power away at once, in every mode: what hangs falls");
 }
@@ -138,7 +149,7 @@ void add_reset(CLI::App& app, int& exit_code) {
 
 void add_mark(CLI::App& app, int& exit_code) {
   add(app, exit_code, OperatorVerb::mark, "mark", "Mark this instant in the run; takt report lists the marks.",
-      "Example: takt mark\n"
+      "Example: takt mark the gripper slips\n"
       "Exit codes: 0 marked, 1 the control thread does not answer, 64 several run, 65 configuration, 69 none runs.");
 }
 

@@ -67,12 +67,13 @@ class RendezvousServer {
   };
   // admit is mandatory; an absent other handler ignores its event. A handler may call holder() and evict().
   struct Handlers {
-    std::function<Admission(const Peer&)> admit;                                // lease is free: may it have it?
-    std::function<void(const Peer&)> acknowledged;                              // policy mapped its mailbox
-    std::function<void(const Peer&, std::uint64_t through_tick)> recorded;      // the monitor's word
-    std::function<void(const Peer&, const PolicyWord&)> said = {};              // a policy's: printable, with its role
-    std::function<void(const Peer&)> left;                                      // lease over
-    std::function<OperatorReply(const Peer&, const OperatorMessage&)> request;  // operator role only
+    std::function<Admission(const Peer&)> admit;                            // lease is free: may it have it?
+    std::function<void(const Peer&)> acknowledged;                          // policy mapped its mailbox
+    std::function<void(const Peer&, std::uint64_t through_tick)> recorded;  // the monitor's word
+    std::function<void(const Peer&, const PolicyWord&)> said = {};          // a policy's: printable, with its role
+    std::function<void(const Peer&)> left;                                  // lease over
+    // Operator role only. `text`: printable, what a mark's user says of it; empty of other requests.
+    std::function<OperatorReply(const Peer&, const OperatorMessage&, std::string_view text)> request;
   };
   // Creates the socket with mode 0660 (its directory made with mode 0750 if absent, a dead predecessor's socket
   // replaced, a live one refused with its sentence). `allowed_uid`: peers of any other uid but root are refused; when
@@ -120,11 +121,14 @@ void tell_recorded(const Lease& lease, std::uint64_t through_tick);
 void tell(const Lease& lease, PolicyWordKind kind, std::string_view sentence, std::uint64_t first_sequence = 0);
 // To a monitor: the next that was passed on; none: no further one yet.
 std::optional<std::variant<PolicyWord, OperatorWord>> next_word(const Lease& lease);
+// What a mark's user says of it follows its message.
+inline constexpr std::size_t kLongestMark = 120;  // bytes
 // True once the server closed the connection or died.
 bool is_over(const Lease& lease);
 // A stop takes its own way first (stop_line.hpp) and is under way before anybody has to answer; the error says so.
-// `policy_hash`: of a swap, the policy that is to play.
+// `policy_hash`: of a swap, the policy that is to play. `text`: of a mark; more than kLongestMark bytes are cut off.
 std::expected<OperatorReply, std::string> ask(const std::string& path, OperatorVerb verb,
-                                              std::chrono::milliseconds timeout, std::uint64_t policy_hash = 0);
+                                              std::chrono::milliseconds timeout, std::uint64_t policy_hash = 0,
+                                              std::string_view text = {});
 
 }  // namespace takt::ipc

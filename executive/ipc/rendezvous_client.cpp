@@ -158,7 +158,8 @@ bool is_over(const Lease& lease) {
 }
 
 std::expected<OperatorReply, std::string> ask(const std::string& path, OperatorVerb verb,
-                                              std::chrono::milliseconds timeout, std::uint64_t policy_hash) {
+                                              std::chrono::milliseconds timeout, std::uint64_t policy_hash,
+                                              std::string_view text) {
   const Clock::time_point deadline = Clock::now() + timeout;
   const bool handed_over = is_stop(verb) && hand_over_stop(stop_socket_beside(path), verb);
   const auto failed = [handed_over](const std::string& why) {
@@ -171,7 +172,11 @@ std::expected<OperatorReply, std::string> ask(const std::string& path, OperatorV
   OperatorMessage message;
   message.verb = verb;
   message.policy_hash = policy_hash;
-  send_message(lease->connection.get(), std::as_bytes(std::span(&message, 1)), {});
+  std::array<std::byte, sizeof message + kLongestMark> bytes{};
+  text = text.substr(0, kLongestMark);
+  std::memcpy(bytes.data(), &message, sizeof message);
+  std::memcpy(bytes.data() + sizeof message, text.data(), text.size());
+  send_message(lease->connection.get(), std::span(bytes).first(sizeof message + text.size()), {});
   OperatorReply reply;
   if (auto received = receive(lease->connection, reply, deadline, path); !received) {
     return failed(received.error());

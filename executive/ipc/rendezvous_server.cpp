@@ -3,8 +3,11 @@
 #include <sys/socket.h>
 
 #include <algorithm>
+#include <array>
+#include <cstring>
 #include <list>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "executive/ipc/hello_check.hpp"
@@ -152,7 +155,7 @@ class RendezvousServer::State {
   void greet(Connection& connection, Hello hello, ssize_t size);
   std::string lease_conflict(Role role) const;
   bool has_room_for(Role role) const;
-  void answer(Connection& connection, const OperatorMessage& message, ssize_t size);
+  void answer(Connection& connection, std::span<std::byte> bytes, ssize_t size);
   void hear_policy(Connection& connection, PolicyWord word, ssize_t size);
   void take_word(Connection& connection, const RecorderWord& word, ssize_t size);
   void refuse(Connection& connection, std::uint64_t& counter, const std::string& sentence);
@@ -277,7 +280,6 @@ void RendezvousServer::State::hear(Connection& connection) {
   // Room for one byte more than the largest message expected: a longer one shows by its size.
   union {
     Hello hello;
-    OperatorMessage request;
     RecorderWord word;
     PolicyWord policy_word;
     std::byte bytes[sizeof(PolicyWord) + 1];
@@ -288,7 +290,7 @@ void RendezvousServer::State::hear(Connection& connection) {
   if (connection.stage == Stage::greeting) return greet(connection, message.hello, size);
   switch (connection.peer.hello.role) {
     case Role::operator_console:
-      return answer(connection, message.request, size);
+      return answer(connection, message.bytes, size);
     case Role::policy:
     case Role::fallback_policy:
     case Role::candidate_policy:
@@ -386,13 +388,21 @@ void RendezvousServer::State::take_word(Connection& connection, const RecorderWo
   if (handlers_.recorded) handlers_.recorded(connection.peer, word.through_tick);
 }
 
-void RendezvousServer::State::answer(Connection& connection, const OperatorMessage& message, ssize_t size) {
+// Precondition: `bytes` holds the longest request, and `size` of it came, or would have.
+void RendezvousServer::State::answer(Connection& connection, std::span<std::byte> bytes, ssize_t size) {
+  OperatorMessage message;
+  std::memcpy(&message, bytes.data(), sizeof message);
+  const auto text_bytes = static_cast<std::size_t>(size) - sizeof message;  // far too many where some lack
+  const std::size_t most_text = message.verb == OperatorVerb::mark ? kLongestMark : 0;
   const bool is_known =
-      size == sizeof message && message.magic == kMagic && static_cast<std::size_t>(message.verb) < kOperatorVerbCount;
+      text_bytes <= most_text && message.magic == kMagic && static_cast<std::size_t>(message.verb) < kOperatorVerbCount;
   if (!is_known || !handlers_.request) return refuse(connection, refusals_.malformed, "not an operator's request");
   connection.has_spoken = true;
   connection.since = Clock::now();
-  const OperatorReply reply = handlers_.request(connection.peer, message);
+  std::array<char, kLongestMark + 1> text{};
+  std::memcpy(text.data(), bytes.data() + sizeof message, text_bytes);
+  make_printable(text);
+  const OperatorReply reply = handlers_.request(connection.peer, message, text.data());
   if (!send_message(connection.socket.get(), std::as_bytes(std::span(&reply, 1)), {})) drop(connection);
 }
 

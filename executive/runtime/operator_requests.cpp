@@ -49,7 +49,7 @@ constexpr std::string_view kFaultDampsOnly =
 
 }  // namespace
 
-OperatorReply Reception::answer(const OperatorMessage& message) {
+OperatorReply Reception::answer(const OperatorMessage& message, std::string_view text) {
   OperatorReply reply;
   const OperatorVerb verb = message.verb;
   switch (verb) {
@@ -77,7 +77,7 @@ OperatorReply Reception::answer(const OperatorMessage& message) {
       reset(reply);
       break;
     case OperatorVerb::mark:
-      mark(reply);
+      mark(text, reply);
       break;
     case OperatorVerb::swap:
       swap(message.policy_hash, reply);
@@ -112,10 +112,7 @@ void Reception::arm(OperatorReply& reply) {
   for (const std::string& sentence : missing)
     say(reply, with_reason(with_reason(sentence, kIsHostRunning, words_.problem(in_charge)), kIsFallbackHostRunning,
                            words_.problem(Role::fallback_policy)));
-  if (!missing.empty()) {
-    spdlog::info("arming refused: {}", missing.front());
-    return;
-  }
+  if (!missing.empty()) return;
   const std::uint64_t tick = latest.header.tick;
   parts_.requests.arm();
   if (!wait_for(OperatorRequest::arm, tick)) return say(reply, kNotNoticed);
@@ -133,7 +130,6 @@ void Reception::stop(OperatorVerb verb, OperatorReply& reply) {
   const std::uint64_t tick = parts_.follower.latest().header.tick;
   pass_on(verb == OperatorVerb::press_stop ? OperatorVerb::stop : verb, SystemClock().now(), parts_.requests);
   reply.done = 1;
-  spdlog::warn("operator {}", request == OperatorRequest::deenergise ? "de-energises" : "stop");
   if (!wait_for(request, tick) && !parts_.follower.noticed(OperatorRequest::shutdown, tick))
     return say(reply, kNotNoticed);
   if (verb != OperatorVerb::deenergise && parts_.follower.latest().header.mode == Mode::fault_latched)
@@ -164,14 +160,13 @@ void Reception::reset(OperatorReply& reply) {
   }
 }
 
-void Reception::mark(OperatorReply& reply) {
+void Reception::mark(std::string_view text, OperatorReply& reply) {
   const std::uint64_t tick = parts_.follower.latest().header.tick;
   parts_.requests.mark();
   if (!wait_for(OperatorRequest::mark, tick)) return say(reply, kNotNoticed);
   reply.done = 1;
-  const std::string where = "marked tick " + std::to_string(parts_.follower.last_read(OperatorRequest::mark));
-  spdlog::info("{}", where);
-  say(reply, where);
+  const std::uint64_t marked = parts_.follower.last_read(OperatorRequest::mark);
+  say(reply, fmt::format("marked tick {}{}{}", marked, text.empty() ? "" : ": ", text));
 }
 
 void Reception::swap(std::uint64_t policy_hash, OperatorReply& reply) {

@@ -45,9 +45,9 @@ ipc::RendezvousServer::Handlers Reception::handlers() {
               },
           .left = [this](const ipc::Peer& peer) { take_leave(peer); },
           .request =
-              [this](const ipc::Peer& peer, const OperatorMessage& message) {
+              [this](const ipc::Peer& peer, const OperatorMessage& message, std::string_view text) {
                 const MonoTime heard_at = SystemClock().now();
-                const OperatorReply reply = answer(message);
+                const OperatorReply reply = answer(message, text);
                 operators_.note(peer, message.verb, reply, heard_at);
                 return reply;
               }};

@@ -96,11 +96,11 @@ class Reception {
   void watch_silence();
   void tell_policy_words();
 
-  OperatorReply answer(const OperatorMessage& message);
+  OperatorReply answer(const OperatorMessage& message, std::string_view text);
   void arm(OperatorReply& reply);
   void stop(OperatorVerb verb, OperatorReply& reply);
   void reset(OperatorReply& reply);
-  void mark(OperatorReply& reply);
+  void mark(std::string_view text, OperatorReply& reply);
   void swap(std::uint64_t policy_hash, OperatorReply& reply);
   void back(OperatorReply& reply);
   // True when a tick that read `request` is over.

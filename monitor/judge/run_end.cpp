@@ -221,12 +221,27 @@ std::vector<NotedRequest> requests_in(const std::vector<RunEvent>& events) {
   return requests;
 }
 
+// What operators said of their marks: the executive answers "marked tick 700: the gripper slips".
+void name_marks(std::vector<Mark>& marks, const std::vector<NotedRequest>& requests) {
+  constexpr std::string_view kMarked = "marked tick ";
+  for (const NotedRequest& request : requests) {
+    if (request.action != name(OperatorVerb::mark) || !request.answer.starts_with(kMarked)) continue;
+    const std::size_t colon = request.answer.find(": ", kMarked.size());
+    if (colon == std::string::npos) continue;
+    const std::string_view tick = std::string_view(request.answer).substr(kMarked.size(), colon - kMarked.size());
+    const auto marked =
+        std::ranges::find_if(marks, [&](const Mark& mark) { return std::to_string(mark.tick) == tick; });
+    if (marked != marks.end()) marked->text = request.answer.substr(colon + 2);
+  }
+}
+
 }  // namespace
 
 void judge_end(RunMetrics& metrics, const RecordedRun& run) {
   const std::vector<RunEvent> events = read_run_events(run.folder);
   metrics.command_sources = sources_in(events);
   metrics.requests = requests_in(events);
+  name_marks(metrics.marks, metrics.requests);
   const Script script(events, run.robot);
   metrics.record_gap = gap_of(metrics, run, script);
   if (!metrics.record_gap.empty()) {

@@ -49,10 +49,11 @@ struct CandidateMetrics {
   Quantiles distance;  // nanoradians, of the targets of the farthest joint from those played
 };
 
-// An instant somebody pointed at while the robot ran.
+// An instant that an operator pointed at while the robot ran.
 struct Mark {
   std::uint64_t tick = 0;
   MonoTime at;
+  std::string text = {};  // what the operator said of it, printable; empty: nothing
 };
 
 // What the ticks do not say of a stop.

@@ -194,7 +194,10 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
                                {"sentence", one.sentence}});
   json["mark_count"] = metrics.mark_count;
   json["marks"] = Json::array();
-  for (const Mark& mark : metrics.marks) json["marks"].push_back({{"tick", mark.tick}, {"monotonic_ns", mark.at.ns}});
+  for (const Mark& mark : metrics.marks) {
+    json["marks"].push_back({{"tick", mark.tick}, {"monotonic_ns", mark.at.ns}});
+    if (!mark.text.empty()) json["marks"].back()["text"] = mark.text;
+  }
   json["losses"] = metrics.losses;
   json["file"] = {{"finished", metrics.scan.file.finished},
                   {"unread_bytes", metrics.scan.file.unread_bytes},

@@ -81,7 +81,8 @@ class Server {
     } else if (is_policy(role)) {
       say(client, (what & 1U) != 0 ? std::string(1, '\1') : message_from(source, PolicyWord{}));
     } else {
-      say(client, message_from(source, OperatorMessage{.verb = static_cast<OperatorVerb>(what / 16 % 9)}));
+      const std::string text = (what & 1U) != 0 ? source.text() : std::string();
+      say(client, message_from(source, OperatorMessage{.verb = static_cast<OperatorVerb>(what / 16 % 9)}) + text);
     }
     serve();
   }
@@ -118,9 +119,11 @@ class Server {
                 },
             .left = [this](const Peer&) { require(leases_-- > 0); },
             .request =
-                [](const Peer& peer, const OperatorMessage& message) {
+                [](const Peer& peer, const OperatorMessage& message, std::string_view text) {
                   require(peer.hello.role == Role::operator_console);
                   require(static_cast<std::size_t>(message.verb) < kOperatorVerbCount);
+                  require(text.size() <= kLongestMark && (text.empty() || message.verb == OperatorVerb::mark));
+                  fuzz::require_printable(text);
                   return OperatorReply{};
                 }};
   }

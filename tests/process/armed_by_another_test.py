@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Goal: two operators arm one robot, and neither harms it: who comes second finds it armed. Method: `takt run --arm` stands still (SIGSTOP) once it
-has started its last process; meanwhile `takt arm` arms the robot; then `takt run` goes on.
+has started its last process; meanwhile `takt arm` arms the robot; then `takt run` goes on. And what the other says of a mark is in the run.
 Usage: armed_by_another_test.py SOURCE_DIR BIN_DIR
 """
+import json
 import os
 import pathlib
 import shutil
@@ -39,11 +40,26 @@ def main():
             print(run.communicate()[0], "WRONG: no policy host was started", sep="\n")
             return 1
         os.kill(run.pid, signal.SIGSTOP)
-        armed = robot.wait_until(lambda _: robot.ask("arm").returncode == 0)
+        answers = []
+
+        def arms(_):
+            answers.append(robot.ask("arm"))
+            return answers[-1].returncode == 0
+
+        if not robot.wait_until(arms):
+            print(f"WRONG: not armed by another: {answers[-1].stdout}", *(log.read_text() for log in (folder / "sockets/logs").glob("*")), sep="\n")
+            os.kill(run.pid, signal.SIGCONT)
+            run.communicate(timeout=60)
+            return 1
         os.kill(run.pid, signal.SIGCONT)
+        marked = robot.takt("mark", "the", "gripper slips", "--runtime-dir", folder / "sockets")
         said = run.communicate(timeout=60)[0]
-        if not armed or run.returncode != 0 or "refused" in said:
-            print(said, f"WRONG: armed by another {armed}, takt run ended with {run.returncode}", sep="\n")
+        marks = json.loads((folder / "run/metrics.json").read_text())["marks"]
+        if marked.returncode != 0 or [mark.get("text") for mark in marks] != ["the gripper slips"]:
+            print(f"WRONG: {marked.stdout} of a mark with text, and metrics.json has {marks}")
+            return 1
+        if run.returncode != 0 or "refused" in said:
+            print(said, f"WRONG: armed by another, takt run ended with {run.returncode}", sep="\n")
             return 1
     return 0
 

@@ -54,7 +54,7 @@ Json violations_json(const FaultSummary& faults, MonoTime start) {
 Json marks_json(const RunMetrics& metrics) {
   Json marks = Json::array();
   for (const Mark& mark : metrics.marks) {
-    marks.push_back({{"at_s", (mark.at - metrics.start).seconds()}, {"tick", mark.tick}});
+    marks.push_back({{"at_s", (mark.at - metrics.start).seconds()}, {"tick", mark.tick}, {"text", mark.text}});
   }
   return marks;
 }

@@ -130,7 +130,8 @@ std::string marks(const RunMetrics& metrics, std::size_t most) {
   std::string text = fmt::format("marks         {}\n", metrics.mark_count);
   for (std::size_t index = 0; index < std::min(most, metrics.marks.size()); ++index) {
     const Mark& each = metrics.marks[index];
-    text += fmt::format("  tick {:>9}  {:>+10.3f} s\n", each.tick, (each.at - metrics.start).seconds());
+    text += fmt::format("  tick {:>9}  {:>+10.3f} s{}{}\n", each.tick, (each.at - metrics.start).seconds(),
+                        each.text.empty() ? "" : "  ", each.text);
   }
   if (metrics.mark_count > most) text += fmt::format("  and {} more\n", metrics.mark_count - most);
   return text;

@@ -393,7 +393,7 @@ TEST_F(Rendezvous, APolicySaysWhatKeepsItFromAnswering) {
 // Threat: user-crowds
 TEST_F(Rendezvous, ViewersAreBoundedAndKeepNobodyElseOut) {
   Handlers handlers = admit_all();
-  handlers.request = [](const Peer&, const OperatorMessage&) { return OperatorReply{}; };
+  handlers.request = [](const Peer&, const OperatorMessage&, std::string_view) { return OperatorReply{}; };
   const ServerThread server(path_, handlers);
   std::vector<Lease> leases;
   for (std::size_t i = 0; i < kMaxReaders; ++i) {
@@ -418,7 +418,7 @@ TEST_F(Rendezvous, ViewersAreBoundedAndKeepNobodyElseOut) {
 // Connections that say nothing, and operators that asked once and stay: never longer than until somebody asks.
 TEST_F(Rendezvous, WhoeverIsQuietGivesWayToAnOperator) {
   Handlers handlers = admit_all();
-  handlers.request = [](const Peer&, const OperatorMessage&) { return OperatorReply{}; };
+  handlers.request = [](const Peer&, const OperatorMessage&, std::string_view) { return OperatorReply{}; };
   ServerThread server(path_, handlers);
   std::vector<Descriptor> silent;
   std::vector<Lease> operators;
@@ -439,7 +439,7 @@ TEST_F(Rendezvous, WhoeverIsQuietGivesWayToAnOperator) {
 TEST_F(Rendezvous, ThePolicysUserKeepsNoOperatorOut) {
   if (geteuid() != 0) GTEST_SKIP() << "SKIPPED: only root can connect as another user";
   Handlers handlers = admit_all();
-  handlers.request = [](const Peer&, const OperatorMessage&) { return OperatorReply{}; };
+  handlers.request = [](const Peer&, const OperatorMessage&, std::string_view) { return OperatorReply{}; };
   const ServerThread server(path_, handlers, geteuid(), kPolicyUser);
   let_everybody_in();
   ASSERT_EQ(seteuid(kPolicyUser), 0);
@@ -465,7 +465,7 @@ TEST_F(Rendezvous, ThePolicysUserKeepsNoOperatorOut) {
 
 TEST_F(Rendezvous, OperatorsAskAndOverlap) {
   Handlers handlers = admit_all();
-  handlers.request = [](const Peer&, const OperatorMessage& message) {
+  handlers.request = [](const Peer&, const OperatorMessage& message, std::string_view) {
     OperatorReply reply;
     reply.done = message.verb == OperatorVerb::arm ? 1 : 0;
     reply.status.ticks = 1234;
@@ -483,6 +483,39 @@ TEST_F(Rendezvous, OperatorsAskAndOverlap) {
   ASSERT_TRUE(stopped) << stopped.error();
   EXPECT_EQ(stopped->done, 0);
   EXPECT_STREQ(stopped->sentences, "no policy attached");
+}
+
+// Goal: what an operator says of a mark arrives as it may be shown, and no other request carries text. Method: a text
+// with control characters, one at its limit, one beyond, which the client cuts off; and raw messages that are longer
+// than their request.
+TEST_F(Rendezvous, AMarkCarriesText) {
+  std::vector<std::string> texts;
+  Handlers handlers = admit_all();
+  handlers.request = [&](const Peer&, const OperatorMessage&, std::string_view text) {
+    texts.emplace_back(text);
+    return OperatorReply{.done = 1, .status = {}, .incident = {}};
+  };
+  {
+    const ServerThread server(path_, handlers);
+    for (const std::string& text : {std::string(), std::string("the \x1b[2Jgripper slips"),
+                                    std::string(kLongestMark, 'x'), std::string(kLongestMark + 50, 'y')})
+      EXPECT_TRUE(ask(path_, OperatorVerb::mark, kTimeout, 0, text));
+    for (const auto& [verb, bytes] :
+         {std::pair(OperatorVerb::mark, kLongestMark + 1), {OperatorVerb::arm, std::size_t{1}}}) {
+      const auto lease = attach(path_, hello_of(Role::operator_console), kTimeout);
+      ASSERT_TRUE(lease);
+      OperatorMessage message;
+      message.verb = verb;
+      std::string raw(sizeof message + bytes, 'z');
+      std::memcpy(raw.data(), &message, sizeof message);
+      ASSERT_EQ(send(lease->connection.get(), raw.data(), raw.size(), 0), static_cast<ssize_t>(raw.size()));
+      Welcome refusal;
+      ASSERT_EQ(recv(lease->connection.get(), &refusal, sizeof refusal, 0), static_cast<ssize_t>(sizeof refusal));
+      EXPECT_STREQ(refusal.sentence, "not an operator's request");
+    }
+  }
+  EXPECT_EQ(texts, (std::vector<std::string>{"", "the ?[2Jgripper slips", std::string(kLongestMark, 'x'),
+                                             std::string(kLongestMark, 'y')}));
 }
 
 TEST_F(Rendezvous, EvictionEndsTheLeaseAtOnce) {

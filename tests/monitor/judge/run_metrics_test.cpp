@@ -14,6 +14,8 @@
 #include "evidence/review/run_review.hpp"
 #include "monitor/judge/metrics_collector.hpp"
 #include "monitor/record/mcap_writer.hpp"
+#include "monitor/record/run_events.hpp"
+#include "monitor/record/word_log.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
 
@@ -118,6 +120,25 @@ TEST_F(RunMetricsTest, AMarkIsListedWithItsTick) {
   EXPECT_NE(report_text(*metrics, run_).find(fmt::format("marks         1\n  tick {:>9}      +0.699 s\n", kDemoMark)),
             std::string::npos)
       << report_text(*metrics, run_);
+}
+
+// Goal: what an operator said of a mark stands with it, and another's mark with none. Method: the answers of the
+// executive, as the recorder keeps them.
+TEST_F(RunMetricsTest, AMarkHasTheTextThatItsOperatorGave) {
+  std::filesystem::remove(run_.folder.seal());  // so that lines may be added
+  std::ofstream events(run_.folder.path() + "/" + std::string(kEventsFile), std::ios::app);
+  for (const std::string& answer :
+       {std::string("marked tick 7: another's"), std::string("marked tick 700: it slips: left"),
+        std::string("marked tick 70000000000000000000000: no tick")})
+    events << event_line(kOperatorEvent, MonoTime{1}, {{"action", "mark"}, {"done", true}, {"what", answer}});
+  events.close();
+  const auto metrics = write_metrics(run_);
+  ASSERT_TRUE(metrics);
+  ASSERT_EQ(metrics->marks.size(), 1U);
+  EXPECT_EQ(metrics->marks[0].text, "it slips: left");
+  std::ifstream file(run_.folder.metrics());
+  EXPECT_EQ(nlohmann::json::parse(file).at("marks").at(0).at("text"), "it slips: left");
+  EXPECT_NE(report_text(*metrics, run_).find("+0.699 s  it slips: left\n"), std::string::npos);
 }
 
 TEST_F(RunMetricsTest, MetricsFileAndReportSayTheSame) {

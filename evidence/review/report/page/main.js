@@ -98,7 +98,7 @@ takt.main = async function (say) {
   const figure = new takt.figure(facts, samples, view);
   const violations = new takt.Moments('violations', facts.violations, facts.violation_count, view,
     (violation) => [takt.cameTo[violation.gravity], violation.fault.replaceAll('_', ' '), violation.sentence.replace(/^[a-z_]+: /, '')], takt.byGravity);
-  const marks = new takt.Moments('marks', facts.marks, facts.metrics.mark_count, view, (mark, number) => [String(number), String(mark.tick)]);
+  const marks = new takt.Moments('marks', facts.marks, facts.metrics.mark_count, view, (mark, number) => [String(number), String(mark.tick), mark.text]);
   takt.keyboard(view, violations, marks);
   figure.draw();
   takt.page = { facts, samples, view, figure, violations, marks };
