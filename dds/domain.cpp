@@ -3,15 +3,14 @@
 
 #include <dlfcn.h>
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <iterator>
 #include <set>
-#include <system_error>
 #include <utility>
 
+#include "config/dds_security.hpp"
 #include "dds/domain_xml.hpp"
 #include "dds/neighbours.hpp"
 
@@ -27,16 +26,6 @@ std::string plugin_folder() {
   return std::filesystem::exists(folder, ignored) ? folder : std::string{};
 }
 
-// Cyclone's own word about a file is a line of its log.
-std::expected<void, std::string> check_security(const config::Dds& dds) {
-  if (dds.security.empty()) return {};
-  for (const char* const file : kSecurityFiles)
-    if (const std::string path = dds.security + "/" + file; access(path.c_str(), R_OK) != 0)
-      return std::unexpected(fmt::format("dds.security: {}: {}; docs/ros2.md says how to make it", path,
-                                         std::generic_category().message(errno)));
-  return {};
-}
-
 }  // namespace
 
 std::string Domain::where(const config::RobotConfig& robot) {
@@ -48,7 +37,8 @@ std::string Domain::failure(std::string_view what, dds_entity_t refused) const {
 }
 
 std::expected<Domain, std::string> Domain::open(const config::RobotConfig& robot, const std::string& name) {
-  if (const auto secured = check_security(*robot.dds); !secured) return std::unexpected(secured.error());
+  // Cyclone's own word about a file is a line of its log.
+  if (std::string why = config::unreadable_security_file(*robot.dds); !why.empty()) return std::unexpected(why);
   Domain made(robot);
   log_within_budget();
   const std::set<int> before = datagram_sockets();

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include "config/dds_security.hpp"
+
 namespace takt::dds {
 namespace {
 
@@ -16,7 +18,7 @@ std::string security_xml(const std::string& folder, const std::string& plugins) 
   const auto file = [&folder](std::string_view element, std::string_view name) {
     return fmt::format("<{}>file:{}/{}</{}>", element, folder, name, element);
   };
-  const auto& [identity_ca, certificate, key, permissions_ca, governance, permissions] = kSecurityFiles;
+  const auto& [identity_ca, certificate, key, permissions_ca, governance, permissions] = config::kSecurityFiles;
   return "<Security><Authentication>" + library("dds_security_auth", "authentication") +
          file("IdentityCA", identity_ca) + file("IdentityCertificate", certificate) + file("PrivateKey", key) +
          "</Authentication><AccessControl>" + library("dds_security_ac", "access_control") +
