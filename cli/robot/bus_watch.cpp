@@ -125,17 +125,17 @@ std::string BusWatch::json(MonoTime now) const {
   for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
     const JointFeedback& feedback = joints_[joint].driver->feedback();
     const bool seen = feedback.received_at.is_set();
-    joints.push_back({{"joint", robot_.joints[joint].name},
-                      {"protocol", config::name(robot_.joints[joint].drive.protocol)},
-                      {"seen", seen},
-                      {"state", name(feedback.drive_state)},
-                      {"q_rad", feedback.q},
-                      {"tau_Nm", feedback.tau},
-                      {"temperature_C", feedback.temperature_C},
-                      {"age_ms", seen ? nlohmann::ordered_json((now - feedback.received_at).milliseconds())
-                                      : nlohmann::ordered_json()},
-                      {"replies_per_s", joints_[joint].per_second},
-                      {"error", error_of(joint)}});
+    joints.push_back(
+        {{"joint", robot_.joints[joint].name},
+         {"protocol", config::name(robot_.joints[joint].drive.protocol)},
+         {"seen", seen},
+         {"state", name(feedback.drive_state)},
+         {"q_rad", feedback.q},
+         {"tau_Nm", feedback.tau},
+         {"temperature_C", feedback.temperature_C},
+         {"age_ns", seen ? nlohmann::ordered_json((now - feedback.received_at).ns) : nlohmann::ordered_json()},
+         {"replies_per_s", joints_[joint].per_second},
+         {"error", error_of(joint)}});
   }
   nlohmann::ordered_json buses = nlohmann::ordered_json::array();
   for (std::size_t bus = 0; bus < buses_.size(); ++bus)

@@ -64,7 +64,7 @@ Json bus_json(const BusPicture& bus) {
           {"rx_dropped", bus.health.rx_dropped},
           {"foreign_frames", bus.health.foreign_frames},
           {"flooded", bus.health.flooded != 0},
-          {"tick_to_wire_ms", bus.tick_to_wire ? Json(bus.tick_to_wire->milliseconds()) : Json(nullptr)}};
+          {"tick_to_wire_ns", bus.tick_to_wire ? Json(bus.tick_to_wire->ns) : Json(nullptr)}};
 }
 
 Json joint_json(const JointPicture& joint) {
