@@ -35,6 +35,7 @@
 #include "monitor/judge/run_metrics.hpp"
 #include "monitor/policy_input_session.hpp"
 #include "monitor/record/bounded_file.hpp"
+#include "monitor/record/intervention_log.hpp"
 #include "monitor/record/record_stream.hpp"
 #include "monitor/record/run_parts.hpp"
 #include "monitor/record/word_log.hpp"
@@ -95,7 +96,7 @@ enum class Recorded : std::uint8_t { whole, in_part, not_at_all };
 // One session of the executive, from attach to its end or ours. Not at all: the folder cannot be written.
 Recorded record_session(const ExecutiveSession& session, const Options& options, const config::RobotConfig& robot,
                         const RunKeeper& keeper, trace::Introduction& introduction, Exports& exports,
-                        ClosingReviews& reviews, const std::atomic<bool>& stop) {
+                        ClosingReviews& reviews, InterventionLog& interventions, const std::atomic<bool>& stop) {
   RunManifest manifest = describe(session, robot, options.runtime_directory, monotonic_now(), realtime_ns());
   const auto folder = RunFolder::create(wanted_folder(options, robot, manifest.run_id));
   if (folder) manifest.run_id = std::filesystem::path(folder->path()).filename();  // one name for one run
@@ -113,6 +114,13 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   exports.begin(manifest, folder->path(), monotonic_now());
   auto images = std::make_shared<ImageWatch>(options.runtime_directory, robot, *folder);
   WordLog words(*folder);
+  auto warn_of_interventions = [&interventions, said = std::string()]() mutable {
+    if (interventions.failure() != said && !interventions.failure().empty())
+      spdlog::warn("an intervention is not in the log: {}", interventions.failure());
+    said = interventions.failure();
+  };
+  interventions.note_start(manifest, robot, realtime_ns());
+  warn_of_interventions();
   (*recorder)->on_seam([&](const RunFolder& next, const RunManifest& of_next) -> RunParts::LastWords {
     spdlog::info("recording goes on in {}", next.path());
     exports.go_on(of_next, next.path(), monotonic_now());
@@ -152,7 +160,13 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     if (std::exchange(told, through) != through) session.tell_recorded(through);
   };
   auto note_words = [&, said = false]() mutable {
-    while (const auto word = session.next_word()) std::visit([&](const auto& one) { words.note(one); }, *word);
+    while (const auto word = session.next_word()) {
+      std::visit([&](const auto& one) { words.note(one); }, *word);
+      if (const auto* const request = std::get_if<OperatorWord>(&*word)) {
+        interventions.note(*request, robot.robot, request->heard_at.ns + manifest.clock.monotonic_to_unix_ns);
+        warn_of_interventions();
+      }
+    }
     if (!words.failure().empty() && !std::exchange(said, true))
       spdlog::warn("what policies' hosts say and operators ask is not recorded, some or all: {}", words.failure());
   };
@@ -218,6 +232,7 @@ int monitor_robot(Options options) {
   Exports exports(*robot, options.runtime_directory);
   const RunKeeper keeper(*robot);
   ClosingReviews reviews;
+  InterventionLog interventions(intervention_folder(robot->record.directory));
   std::string said;
   int exit_code = 0;
   while (!stop) {
@@ -225,7 +240,8 @@ int monitor_robot(Options options) {
                                                   std::chrono::milliseconds(500));
     if (session) {
       said.clear();
-      const Recorded recorded = record_session(*session, options, *robot, keeper, introduction, exports, reviews, stop);
+      const Recorded recorded =
+          record_session(*session, options, *robot, keeper, introduction, exports, reviews, interventions, stop);
       if (recorded == Recorded::not_at_all) return kExitSetUpRefused;
       if (recorded == Recorded::in_part) exit_code = kExitIncomplete;
     } else if (session.error() != said) {

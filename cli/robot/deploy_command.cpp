@@ -128,8 +128,11 @@ std::expected<Outcome, Refusal> deploy_robot(const DeployOptions& options) {
   if (const auto disarmed = require_disarmed(places); !disarmed) return std::unexpected(disarmed.error());
   if (const auto as_tried = store->is_as_tried(outcome.name); !as_tried) return refused(as_tried.error());
   if (const auto used = store->use(outcome.name); !used) return refused(used.error());
-  if (const auto proven = prove(*store, options, robot, outcome); !proven)
-    return refused(fmt::format("{}: {}; {}", outcome.name, outcome.reason, proven.error().sentence));
+  note_deployment(options.runs, "deploy", outcome.previous, outcome.name, "on probation");
+  const auto proven = prove(*store, options, robot, outcome);
+  note_deployment(options.runs, "deploy", outcome.name, store->current(),
+                  fmt::format("{}: {}", outcome.verdict, outcome.reason));
+  if (!proven) return refused(fmt::format("{}: {}; {}", outcome.name, outcome.reason, proven.error().sentence));
   return outcome;
 }
 

@@ -3,7 +3,9 @@
 
 #include <fmt/format.h>
 
+#include <chrono>
 #include <csignal>
+#include <cstdio>
 #include <ctime>
 #include <filesystem>
 
@@ -11,6 +13,7 @@
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/rendezvous.hpp"
+#include "monitor/record/intervention_log.hpp"
 
 namespace takt::cli {
 namespace {
@@ -53,6 +56,14 @@ void settle_restart(DeploymentOptions& options) {
     options.place.restart.clear();
   else if (options.place.restart.empty() && std::filesystem::exists("/run/systemd/system"))
     options.place.restart = "systemctl reset-failed 'takt-*'; systemctl restart takt.target";
+}
+
+void note_deployment(const std::string& runs, std::string_view what, const std::string& before,
+                     const std::string& after, const std::string& how) {
+  monitor::InterventionLog log(monitor::intervention_folder(runs));
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  log.note_deployment(what, before, after, how, std::chrono::nanoseconds(now).count());
+  if (!log.failure().empty()) fmt::print(stderr, "warning: an intervention is not in the log: {}\n", log.failure());
 }
 
 std::expected<void, Refusal> restart(const DeployedRobot& robot) {

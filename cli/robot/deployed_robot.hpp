@@ -5,6 +5,7 @@
 
 #include <expected>
 #include <string>
+#include <string_view>
 
 #include "cli/command.hpp"
 #include "config/robot_config.hpp"
@@ -28,6 +29,11 @@ void add_deployment_options(CLI::App& command, DeploymentOptions& options);
 // After parsing: what restarts it when nobody said: systemd's target, where systemd runs; else, or with --no-restart,
 // nothing.
 void settle_restart(DeploymentOptions& options);
+
+// Into the log of interventions beside the runs (monitor/record/intervention_log.hpp). A line that cannot be written is
+// a warning.
+void note_deployment(const std::string& runs, std::string_view what, const std::string& before,
+                     const std::string& after, const std::string& how);
 
 // From now on SIGINT, SIGTERM and SIGHUP end what waits below, not the process.
 void catch_interruptions();

@@ -38,6 +38,7 @@ std::expected<int, Refusal> roll_back(const RollbackOptions& options) {
     fmt::print(stderr, "warning: {}\n", as_tried.error());
   catch_interruptions();
   if (const auto used = store->use(to); !used) return std::unexpected(Refusal{kExitFailed, used.error()});
+  note_deployment(robot->record.directory, "rollback", from, to, store->is_proven(to) ? "proven" : "never proven");
   if (const auto restarted = restart_and_wait(options.place, wanted_hosts(*robot)); !restarted)
     return std::unexpected(Refusal{kExitFailed, fmt::format("{} is in use again: {}", to, restarted.error().sentence)});
   if (options.json)

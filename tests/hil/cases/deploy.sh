@@ -39,3 +39,10 @@ $scripts.preinst upgrade 0.0 || fail "not upgraded although disarmed"
 $scripts.postinst configure 0.0 || fail "postinst"
 within 10 "standby after the upgrade" mode_is standby
 [ "$(main_pid takt-executive)" != "$before" ] || fail "the old executive runs on"
+# The log of interventions has all of it, and what the new robot file changed (docs/duties.md).
+log=$(ls /var/lib/takt/interventions/*.jsonl) || fail "no log of interventions"
+[ "$(stat -c %U:%G "$log")" = takt:takt ] || fail "the log is of $(stat -c %U:%G "$log")"
+for what in start arm "press stop" reset deploy rollback; do
+  grep -q "\"what\":\"$what\"" "$log" || fail "no $what in the log of interventions: $(cat "$log")"
+done
+grep '"what":"start"' "$log" | grep -q 'velocity"[^}]*"after":"2.5' || fail "the changed limit is not in the log: $(cat "$log")"

@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "monitor/record/intervention_log.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cerrno>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <optional>
+#include <system_error>
+#include <vector>
+
+#include "config/document.hpp"
+#include "config/load.hpp"
+#include "executive/contract/monotonic_clock.hpp"
+#include "executive/contract/version.hpp"
+#include "executive/ipc/descriptor.hpp"
+#include "monitor/record/bounded_file.hpp"
+
+namespace takt::monitor {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kLongestLine = 1U << 20U;
+constexpr std::size_t kMostChangedKeys = 200;
+constexpr std::uint32_t kNoLogin = ~std::uint32_t{0};
+
+std::string error_text() {
+  return std::system_category().message(errno);
+}
+
+// Of audit(7): who logged in, whatever user they became later. None: nobody logged in, or the kernel does not say.
+std::optional<std::uint32_t> login_of(std::int64_t pid) {
+  std::uint32_t uid = kNoLogin;
+  std::ifstream(fmt::format("/proc/{}/loginuid", pid)) >> uid;
+  return uid == kNoLogin ? std::nullopt : std::optional(uid);
+}
+
+Json who(std::int64_t pid, std::optional<std::uint32_t> uid, std::string_view process) {
+  Json json = Json::object();
+  if (pid > 0) json["pid"] = pid;
+  if (uid) json["uid"] = *uid;
+  if (const auto login = pid > 0 ? login_of(pid) : std::nullopt) json["login_uid"] = *login;
+  if (!process.empty()) json["process"] = process;
+  return json;
+}
+
+// "2026"
+std::string year_of(std::int64_t unix_ns) {
+  return utc_text(unix_ns).substr(0, 4);
+}
+
+// The years that the folder has, oldest first.
+std::vector<std::string> years_in(const std::string& folder) {
+  std::vector<std::string> years;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    const std::string name = entry.path().filename().string();
+    if (name.size() == 10 && name.ends_with(".jsonl") &&
+        std::ranges::all_of(name.substr(0, 4), [](unsigned char c) { return std::isdigit(c) != 0; }))
+      years.push_back(name.substr(0, 4));
+  }
+  std::ranges::sort(years);
+  return years;
+}
+
+// The last line of a file, its end included; one that a power cut tore has none. Empty: the file has none.
+std::expected<std::string, std::string> last_line(int file) {
+  struct stat entry {};
+  if (::fstat(file, &entry) != 0 || !S_ISREG(entry.st_mode)) return std::unexpected("it is no regular file");
+  const auto size = static_cast<std::size_t>(entry.st_size);
+  std::string tail(std::min(size, kLongestLine), '\0');
+  std::size_t got = 0;
+  while (got < tail.size()) {
+    const ssize_t some =
+        ::pread(file, tail.data() + got, tail.size() - got, static_cast<off_t>(size - tail.size() + got));
+    if (some < 0 && errno == EINTR) continue;
+    if (some <= 0) return std::unexpected(some < 0 ? error_text() : "it was cut while it was read");
+    got += static_cast<std::size_t>(some);
+  }
+  if (tail.empty()) return tail;
+  const std::size_t end_before = tail.size() < 2 ? std::string::npos : tail.rfind('\n', tail.size() - 2);
+  if (end_before == std::string::npos)
+    return size > tail.size() ? std::unexpected("its last line is too long")
+                              : std::expected<std::string, std::string>(tail);
+  return tail.substr(end_before + 1);
+}
+
+// What root made there is the folder's owner's, too, who appends next.
+void give_to_owner(const std::string& folder, const std::string& path) {
+  struct stat owner {};
+  if (::geteuid() == 0 && ::stat(folder.c_str(), &owner) == 0)
+    (void)!::lchown(path.c_str(), owner.st_uid, owner.st_gid);
+}
+
+// Not for ever: another process of the folder's group could hold it.
+bool locked(int file, Duration patience) {
+  const MonoTime until = monotonic_now() + patience;
+  while (::flock(file, LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK && errno != EINTR) return true;  // a file system without locks has none
+    if (monotonic_now() >= until) return false;
+    sleep_until(monotonic_now() + milliseconds(5));
+  }
+  return true;
+}
+
+void flatten(const config::Node& node, const std::string& key, std::map<std::string, std::string>& values) {
+  const auto below = [&key](const std::string& name) { return key.empty() ? name : key + "." + name; };
+  for (const config::Entry& entry : node.entries) flatten(entry.value, below(entry.key.text), values);
+  for (std::size_t i = 0; i < node.items.size(); ++i) {
+    const config::Node* const name = node.items[i].find("name");
+    flatten(node.items[i], below(name != nullptr ? name->text : std::to_string(i)), values);
+  }
+  if (node.kind == config::Node::Kind::scalar) values[key] = node.text;
+}
+
+std::map<std::string, std::string> values_of(std::string_view text) {
+  config::Problems problems("robot file");
+  const config::Node root = config::read_document(text, config::Tags::refuse, problems);
+  std::map<std::string, std::string> values;
+  if (problems.empty()) flatten(root, "", values);
+  return values;
+}
+
+// Of the newest start of `robot` that the years hold: config_sha256. Empty: none.
+std::string newest_start(const std::string& folder, const std::string& robot) {
+  std::string hash;
+  for (const std::string& year : years_in(folder)) {
+    const auto text = read_file(folder + "/" + year + ".jsonl");
+    if (!text) continue;
+    for (std::size_t at = 0; at < text->size();) {
+      const std::size_t end = std::min(text->find('\n', at), text->size());
+      const Json line = Json::parse(std::string_view(*text).substr(at, end - at), nullptr, false);
+      at = end + 1;
+      if (line.is_object() && line.value("what", Json()) == "start" && line.value("robot", Json()) == robot &&
+          line.contains("config_sha256") && line["config_sha256"].is_string())
+        hash = line["config_sha256"].get<std::string>();
+    }
+  }
+  const bool is_hash = hash.size() == 64 && hash.find_first_not_of("0123456789abcdef") == std::string::npos;
+  return is_hash ? hash : std::string();
+}
+
+}  // namespace
+
+std::vector<ChangedKey> changed_keys(std::string_view before, std::string_view after) {
+  const auto was = values_of(before), is = values_of(after);
+  if (was.empty() || is.empty()) return {};
+  std::map<std::string, ChangedKey> all;
+  for (const auto& [key, value] : was) all[key].before = value;
+  for (const auto& [key, value] : is) all[key].after = value;
+  std::vector<ChangedKey> changed;
+  for (auto& [key, one] : all) {
+    one.key = key;
+    if (one.before != one.after) changed.push_back(std::move(one));
+  }
+  return changed;
+}
+
+std::string intervention_folder(const std::string& record_directory) {
+  std::error_code error;
+  auto runs = std::filesystem::absolute(record_directory, error).lexically_normal();
+  if (!runs.has_filename()) runs = runs.parent_path();  // "runs/"
+  return (runs.parent_path() / "interventions").string();
+}
+
+bool InterventionLog::is_kept() const {
+  std::error_code error;
+  return !folder_.empty() && std::filesystem::is_directory(folder_, error);
+}
+
+void InterventionLog::note_start(const RunManifest& manifest, const config::RobotConfig& robot, std::int64_t unix_ns) {
+  failure_.clear();
+  if (!is_kept()) return;
+  const std::string robots = folder_ + "/robots";
+  const std::string before = newest_start(folder_, robot.robot);
+  Json line{{"what", "start"},
+            {"robot", robot.robot},
+            {"run", manifest.run_id},
+            {"who", who(manifest.executive_pid, std::nullopt, "takt-executive")},
+            {"takt", version()},
+            {"executive_sha256", manifest.executive_sha256},
+            {"config_sha256", manifest.config_sha256},
+            {"policy_sha256", manifest.policy_sha256},
+            {"waivers", Json::array()}};
+  for (const config::WatchdogWaiver& waiver : manifest.watchdog_waivers)
+    line["waivers"].push_back({{"joint", waiver.joint}, {"reason", waiver.reason}});
+  if (!before.empty() && before != manifest.config_sha256) {
+    line["config_sha256_before"] = before;
+    const auto old = read_file(robots + "/" + before + ".yaml");
+    const auto changed = old ? changed_keys(*old, robot.resolved) : std::vector<ChangedKey>();
+    line["changed"] = Json::array();
+    for (std::size_t i = 0; i < std::min(changed.size(), kMostChangedKeys); ++i)
+      line["changed"].push_back({{"key", changed[i].key}, {"before", changed[i].before}, {"after", changed[i].after}});
+    if (changed.size() > kMostChangedKeys) line["more_changed"] = changed.size() - kMostChangedKeys;
+  }
+  std::error_code error;
+  if (std::filesystem::create_directory(robots, error)) give_to_owner(folder_, robots);
+  const std::string kept = robots + "/" + manifest.config_sha256 + ".yaml";
+  std::string why;
+  if (!std::filesystem::exists(kept, error)) {
+    if (auto written = replace_file(kept, robot.resolved); !written) why = written.error();
+    give_to_owner(folder_, kept);
+  }
+  append(std::move(line), unix_ns);
+  if (failure_.empty()) failure_ = why;
+}
+
+void InterventionLog::note(const OperatorWord& word, const std::string& robot, std::int64_t unix_ns) {
+  failure_.clear();
+  if (!is_kept() || word.verb == OperatorVerb::mark || word.verb == OperatorVerb::status) return;
+  append({{"what", name(word.verb)},
+          {"robot", robot},
+          {"who", who(word.pid, word.uid, std::string_view(word.program))},
+          {"done", word.done != 0},
+          {"answer", std::string_view(word.answer)}},
+         unix_ns);
+}
+
+void InterventionLog::note_deployment(std::string_view what, const std::string& before, const std::string& after,
+                                      const std::string& how, std::int64_t unix_ns) {
+  failure_.clear();
+  if (!is_kept()) return;
+  append({{"what", what},
+          {"who", who(::getpid(), ::getuid(), "takt")},
+          {"takt", version()},
+          {"deployment_before", before},
+          {"deployment", after},
+          {"how", how}},
+         unix_ns);
+}
+
+void InterventionLog::append(Json line, std::int64_t unix_ns) {
+  budget_.refill(monotonic_now());
+  if (!budget_.take()) {
+    ++left_out_;
+    return;
+  }
+  const std::string year = year_of(unix_ns), path = folder_ + "/" + year + ".jsonl";
+  const auto failed = [&](const std::string& why) { failure_ = fmt::format("{}: {}", path, why); };
+  // The folder's lock holds for all years.
+  const ipc::Descriptor folder(::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!folder.is_open()) return failed(error_text());
+  if (!locked(folder.get(), kLockPatience)) return failed("another process holds its lock");
+  const ipc::Descriptor file(
+      ::open(path.c_str(), O_RDWR | O_CREAT | O_APPEND | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0640));
+  if (!file.is_open()) return failed(error_text());
+  auto before = last_line(file.get());
+  if (!before) return failed(before.error());
+  std::string text;
+  if (before->empty()) {
+    give_to_owner(folder_, path);
+    // The year begins: the chain goes on from the newest before it, and what is old goes.
+    for (const std::string& other : years_in(folder_)) {
+      if (other >= year) continue;
+      const std::string file_of_other = folder_ + "/" + other + ".jsonl";
+      if (std::stoi(other) < std::stoi(year) - kYearsKept) {
+        std::error_code ignored;
+        std::filesystem::remove(file_of_other, ignored);
+        continue;
+      }
+      const ipc::Descriptor earlier(::open(file_of_other.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+      if (!earlier.is_open()) continue;
+      if (auto last = last_line(earlier.get()); last && !last->empty()) before = std::move(last);
+    }
+  } else if (before->back() != '\n') {
+    *before += text = "\n";  // what a power cut tore ends here
+  }
+  Json whole{{"at", utc_text(unix_ns)}};
+  whole.update(line);
+  if (left_out_ > 0) whole["left_out"] = left_out_;
+  whole["before"] = before->empty() ? "" : config::sha256_hex(*before);
+  text += whole.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+  errno = 0;
+  if (::write(file.get(), text.data(), text.size()) != static_cast<ssize_t>(text.size()) || ::fsync(file.get()) != 0)
+    return failed(errno != 0 ? error_text() : "the disk is full");
+  left_out_ = 0;
+}
+
+}  // namespace takt::monitor
