@@ -5,8 +5,11 @@
 
 namespace takt::cli {
 
-OperatorStep Rearming::next(Mode mode, Duration now) {
+OperatorStep Rearming::next(Mode mode, bool stopped_by_another, Duration now) {
   if (!after_) return OperatorStep::none;
+  const bool is_armed = mode == Mode::arming || mode == Mode::tracking || mode == Mode::degraded;
+  is_anothers_ = !is_armed && (is_anothers_ || (stopped_by_another && (stopped_at_ || mode != Mode::standby)));
+  if (is_anothers_) return OperatorStep::none;
   switch (mode) {
     case Mode::arming:
     case Mode::tracking:

@@ -195,7 +195,7 @@ void add_run(CLI::App& app, int& exit_code) {
   command->add_flag("--arm", given->arm, "arm as soon as nothing is missing");
   command
       ->add_option("--rearm-after", given->rearm_after,
-                   "end a stop or fault this long after it began, and arm again, as a person would; simulated robots")
+                   "end the robot's own stops and faults this long after they began, and arm again; simulated robots")
       ->needs("--arm");
   command->add_flag("--restart", given->restart, "restart a policy host or monitor that died");
   command->add_flag("--allow-non-realtime", given->allow_non_realtime,

@@ -27,6 +27,7 @@ namespace {
 constexpr Duration kReadyWithin = seconds(60);  // a network's library from a cold disk; an earlier end is told at once
 constexpr Duration kToldToWait = seconds(5);
 constexpr Duration kArmedWithin = seconds(10);
+constexpr Duration kToldWithin = seconds(1);  // what arming waits for
 constexpr Duration kTrackingWithin = seconds(10);
 constexpr Duration kPollEvery = milliseconds(20);
 constexpr Duration kDisplayEvery = milliseconds(100);
@@ -267,6 +268,7 @@ Supervisor::Outcome Supervisor::wait_ready(ProcessName process) {
 
 Supervisor::Outcome Supervisor::arm() {
   std::string missing = " no answer from the executive";
+  Duration tell_at = now() + kToldWithin;
   for (const Duration give_up = now() + kArmedWithin; now() < give_up;) {
     const auto reply = processes_.ask(OperatorVerb::arm);
     if (reply && (reply->done != 0 || !is_stopped(reply->status.tick.mode))) return {};  // another operator was quicker
@@ -278,6 +280,10 @@ Supervisor::Outcome Supervisor::arm() {
     if (robot_.policy && reported_dead_.contains(ProcessName::policy))  // it will not come by waiting
       return std::unexpected(
           End{exit_code_for(*processes_.find(ProcessName::policy)), "arming was refused:" + missing});
+    if (now() >= tell_at) {
+      display_.note("waiting to arm:" + missing);
+      tell_at = give_up;
+    }
     if (auto paused = pause(now() + kPollEvery); !paused) return paused;
   }
   return std::unexpected(End{kExitFailed, "arming was refused:" + missing});
@@ -319,7 +325,8 @@ void Supervisor::see(const OperatorReply& reply) {
     events_.note("tracking", {{"note", "instants of --at count from here"}});
   }
   display_.show(answered_at_ - tracking_since_.value_or(*ready_at_), status);
-  rearm(status.tick.mode);
+  if (tracks) asked_to_stop_ = false;
+  rearm(status.tick.mode, reply.incident.asked != 0 && !asked_to_stop_);
 }
 
 void Supervisor::look_for_socket() {
@@ -441,7 +448,7 @@ Supervisor::Outcome Supervisor::fire(const Event& event) {
       request(event, OperatorVerb::reset);
       return {};
     case ActionKind::stop:
-      script_ends_run_ = true;
+      script_ends_run_ = asked_to_stop_ = true;
       request(event, OperatorVerb::stop);
       return {};
     case ActionKind::fault:  // it looks after itself
@@ -467,8 +474,8 @@ void Supervisor::request(const Event& event, OperatorVerb verb) {
   if (reply->done == 0) miss(as_given(event), sentences.empty() ? "it was refused" : sentences.front());
 }
 
-void Supervisor::rearm(Mode mode) {
-  const OperatorStep step = person_.next(mode, now());
+void Supervisor::rearm(Mode mode, bool stopped_by_another) {
+  const OperatorStep step = person_.next(mode, stopped_by_another, now());
   if (step == OperatorStep::none) return;
   if (step == OperatorStep::reset_if_only_the_stop_blocks) {
     const auto refused = processes_.ask(OperatorVerb::arm);  // names everything that blocks

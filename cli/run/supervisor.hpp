@@ -73,7 +73,7 @@ class Supervisor {
   void note_started(ProcessName process);
   void note_ended(ProcessName process);
   void note_plant_faults();
-  void rearm(Mode mode);
+  void rearm(Mode mode, bool stopped_by_another);
   void see(const OperatorReply& reply);
   // Of the incident that stands: a process that is gone needs no look at its log. Empty: none stands.
   [[nodiscard]] std::string incident_text(const IncidentNote& incident);
@@ -109,6 +109,7 @@ class Supervisor {
   std::vector<std::string> never_happened_;  // sentences
   std::set<pid_t> noted_ended_;
   bool script_ends_run_ = false;  // it killed the policy or asked for a stop
+  bool asked_to_stop_ = false;    // by the script, since the robot last tracked
 };
 
 }  // namespace takt::cli
