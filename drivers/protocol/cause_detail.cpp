@@ -19,6 +19,10 @@ using OfBus = std::function<std::string(const BusHealth&)>;
 
 // A controller whose driver does not restart it stays off until it is brought up anew.
 std::string left_bus(const config::RobotConfig& robot, const config::Bus& bus) {
+  if (bus.when_missing == config::WhenBusMissing::loopback)
+    return "bus-off; a simulated bus comes back by its scenario, a real one, where it stays off, by: takt bus up "
+           "--robot " +
+           robot.file + " --interface " + bus.interface;
   return "bus-off; where it stays off, this restarts it: takt bus up --robot " + robot.file + " --interface " +
          bus.interface;
 }

@@ -24,8 +24,10 @@ std::string connect_fault(const std::string& path) {
   switch (errno) {
     case ENOENT:
     case ECONNREFUSED:
-      return "rendezvous: no process listens at " + path +
-             ": start the robot (or the sensor) first, or check --runtime-dir";
+      if (path.substr(path.rfind('/') + 1).starts_with("sensor-"))
+        return "rendezvous: no process publishes at " + path +
+               ": start the sensor's own program, with the robot's --runtime-dir";
+      return "rendezvous: no process listens at " + path + ": start the robot first, or check --runtime-dir";
     case EACCES:
       return "rendezvous: no permission to connect to " + path + ": run as the server's user or root";
     case EAGAIN:

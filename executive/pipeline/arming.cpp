@@ -124,7 +124,7 @@ void list_joint(const JointRecord& joint, std::int32_t index, const TickRecordHe
               "the drive is still switching off", index);
   list.add_if(feedback.drive_state == DriveState::fault || feedback.error_code != 0, kDriveFaultBlocker, index);
   list.add_if(feedback.q < limits.q_min - limits.q_hard_margin || feedback.q > limits.q_max + limits.q_hard_margin,
-              "outside its position limits: move it by hand", index);
+              "outside its position limits: move it by hand; a simulated one is at home after a new start", index);
   list.add_if(std::abs(joint.dq_estimate) > limits.velocity, "moving too fast", index);
   const TemperatureLimits& temperature = config.joints[static_cast<std::size_t>(index)].temperature;
   const bool untold =

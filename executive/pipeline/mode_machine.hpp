@@ -74,7 +74,7 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
     {Cause::operator_arm,         10,  {A, A, T, D, P, F}, kNo,   "",
       "request, one tick; granted when nothing blocks arming"},
     {Cause::operator_stop,        60,  {S, P, P, P, P, F}, kRest, "one tick",
-      "request, one tick; then takt reset"},
+      "takt reset, once the robot rests"},
     {Cause::operator_reset,        5,  {S, A, T, D, S, S}, kNo,   "",
       "request, one tick; granted at rest, unless a joint is silent or implausible, or a bus off or down"},
     {Cause::shutdown,             61,  {S, P, P, P, P, F}, kEnd,  "one tick; power off at rest, after 10 s at most",

@@ -34,7 +34,9 @@ std::vector<std::string> missing_for_arming(const TickRecord& latest, const pipe
   if (!situation.realtime && !situation.allow_non_realtime) {
     sentences.emplace_back("real-time set-up is incomplete: correct it, or start with --allow-non-realtime");
   }
-  if (!situation.policy_attached)
+  if (!situation.policy_attached && !situation.policy_in_file)
+    sentences.emplace_back("the robot file has no `policy`: docs/first-policy.md says how to write one");
+  else if (!situation.policy_attached)
     sentences.emplace_back(latest.header.candidate.in_charge != 0
                                ? "the candidate in charge does not run: start it again, or takt policy back"
                                : "no policy is attached: start takt-policy-host");

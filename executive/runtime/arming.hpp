@@ -17,6 +17,7 @@ struct ArmingSituation {
   bool realtime = false;
   bool allow_non_realtime = false;
   bool shutting_down = false;
+  bool policy_in_file = true;
 };
 
 // One sentence each; empty: may be armed.

@@ -5,6 +5,9 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
+#include <chrono>
+#include <cmath>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -38,11 +41,16 @@ std::string with_reason(std::string sentence, std::string_view question, const s
 constexpr std::string_view kIsHostRunning = "the policy host's log says why, docs/troubleshooting.md what to do";
 constexpr std::string_view kIsFallbackHostRunning = "is its host running (takt-policy-host --fallback)?";
 
+bool waits_for_command_alone(const std::vector<std::string>& missing) {
+  return !missing.empty() && std::ranges::all_of(missing, [](const std::string& sentence) {
+    return sentence.starts_with("no fresh command: ") && sentence.ends_with(kIsHostRunning);
+  });
+}
+
 constexpr std::string_view kNotNoticed = "the control thread did not answer in time: is it running? see takt status";
-constexpr std::string_view kStillMoves =
-    "the robot still moves: wait until every joint with power rests, then reset; where one never does, hold it and "
-    "take "
-    "the power (takt stop --now): what hangs falls";
+constexpr std::string_view kAwaitRest =
+    "wait until every joint with power rests, then reset; where one never does, hold it and take the power (takt stop "
+    "--now): what hangs falls";
 constexpr std::string_view kFaultDampsOnly =
     "mode fault_latched: what failed has no power, and nothing moves on purpose; again, or with --now, takes their "
     "power away: what hangs falls";
@@ -102,12 +110,26 @@ bool Reception::wait_for(OperatorRequest request, std::uint64_t after_tick) {
   return false;
 }
 
+std::vector<std::string> Reception::missing() const {
+  return missing_for_arming(parts_.follower.latest(), parts_.config, parts_.robot.joints,
+                            {.policy_attached = (candidate_in_charge() ? candidate_ : policy_).attached,
+                             .realtime = realtime_,
+                             .allow_non_realtime = allow_non_realtime_,
+                             .shutting_down = shutting_down_,
+                             .policy_in_file = parts_.robot.policy.has_value()});
+}
+
 void Reception::arm(OperatorReply& reply) {
   parts_.follower.catch_up();
+  auto missing = this->missing();
+  // No command of before a reset counts after it: the next one is on its way.
+  const auto give_up_at = std::chrono::steady_clock::now() + kRequestPatience;
+  while (waits_for_command_alone(missing) && std::chrono::steady_clock::now() < give_up_at) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    parts_.follower.catch_up();
+    missing = this->missing();
+  }
   const TickRecord& latest = parts_.follower.latest();
-  const auto missing = missing_for_arming(
-      latest, parts_.config, parts_.robot.joints,
-      {(candidate_in_charge() ? candidate_ : policy_).attached, realtime_, allow_non_realtime_, shutting_down_});
   const Role in_charge = candidate_in_charge() ? Role::candidate_policy : Role::policy;
   for (const std::string& sentence : missing)
     say(reply, with_reason(with_reason(sentence, kIsHostRunning, words_.problem(in_charge)), kIsFallbackHostRunning,
@@ -136,6 +158,21 @@ void Reception::stop(OperatorVerb verb, OperatorReply& reply) {
     say(reply, kFaultDampsOnly);
 }
 
+// Which joint: the fastest that is asked for rest.
+std::string Reception::still_moves() const {
+  const TickRecord& latest = parts_.follower.latest();
+  const JointMask asked = parts_.follower.asked_for_rest();
+  std::size_t fastest = kMaxJoints;
+  for (std::size_t j = 0; j < std::min<std::size_t>(latest.header.joint_count, parts_.robot.joints.size()); ++j)
+    if ((asked & bit_of_joint(j)) != 0 && (fastest == kMaxJoints || std::abs(latest.joints[j].dq_estimate) >
+                                                                        std::abs(latest.joints[fastest].dq_estimate)))
+      fastest = j;
+  if (fastest == kMaxJoints) return fmt::format("the robot still moves: {}", kAwaitRest);
+  return fmt::format("joint {} still moves, at {:.2f} rad/s, and rests below {:g}: {}",
+                     parts_.robot.joints[fastest].name, std::abs(latest.joints[fastest].dq_estimate),
+                     parts_.config.rest_velocity, kAwaitRest);
+}
+
 void Reception::reset(OperatorReply& reply) {
   const std::uint64_t tick = parts_.follower.latest().header.tick;
   parts_.requests.reset();
@@ -147,9 +184,9 @@ void Reception::reset(OperatorReply& reply) {
     case Mode::damped_stop:
       if (now.player == Player::fallback)
         return say(reply, "the fallback policy moves the robot: hold it, then take its power (takt stop --now)");
-      return say(reply, kStillMoves);
+      return say(reply, still_moves());
     case Mode::fault_latched:
-      if ((now.causes_active & pipeline::kLastingFaults) == 0) return say(reply, kStillMoves);
+      if ((now.causes_active & pipeline::kLastingFaults) == 0) return say(reply, still_moves());
       return say(reply, "the fault still holds: " + active_causes(now) + ": correct it, then reset");
     case Mode::arming:
     case Mode::tracking:

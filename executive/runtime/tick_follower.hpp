@@ -40,6 +40,7 @@ class TickFollower {
   // Every joint, but passive ones and those whose drives a latched fault gave up, rests by the rule of
   // pipeline/rest_watch.hpp.
   [[nodiscard]] bool rests() const;
+  [[nodiscard]] JointMask asked_for_rest() const;
   // The newest tick that read this request; 0: none did.
   [[nodiscard]] std::uint64_t last_read(OperatorRequest request) const {
     return last_read_.at(static_cast<std::size_t>(request));
@@ -52,7 +53,6 @@ class TickFollower {
  private:
   void follow();
   void follow_places();
-  [[nodiscard]] JointMask asked_for_rest() const;
 
   ipc::SlotReader ticks_;
   float rest_velocity_;

@@ -87,6 +87,10 @@ inline constexpr std::array kStopRules{
          "reception_test ReceptionTest.APressIsAskedForOnceAlthoughItIsAnsweredElsewhere"},
     Rule{"A second press takes the power of every drive: 0.2 s or more after the first, until standby.",
          "pipeline_test OperatorStop.TheSecondPressTakesThePowerAway"},
+    Rule{"To keep a robot stopped, press once: arming is refused until a reset. After a second press, or `--now`, it "
+         "stands "
+         "by without power, and one arming moves it.",
+         "pipeline_test OperatorStop.AfterOnePressArmingIsRefusedAndAfterTwoItIsNot"},
     Rule{"A stop that a cause began, or a program, is no first press: the press after it is the first.",
          "pipeline_test OperatorStop.AStopThatNobodyAskedForIsNotAFirstPress"},
     Rule{"A program may repeat its stop without end; the power stays.",

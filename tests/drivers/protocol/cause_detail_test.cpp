@@ -96,8 +96,14 @@ TEST_F(CauseDetail, NamesTheBus) {
   record->header.buses[1].state = BusState::bus_off;
   robot.file = "r.yaml";
   robot.buses[1].interface = "can1";
+  robot.buses[1].when_missing = config::WhenBusMissing::refuse;
   EXPECT_EQ(detail(Cause::bus_off),
             "bus can1: bus-off; where it stays off, this restarts it: takt bus up --robot r.yaml --interface can1");
+  robot.buses[1].when_missing = config::WhenBusMissing::loopback;
+  EXPECT_EQ(
+      detail(Cause::bus_off),
+      "bus can1: bus-off; a simulated bus comes back by its scenario, a real one, where it stays off, by: takt bus up "
+      "--robot r.yaml --interface can1");
   record->header.buses[0].foreign_frames = 12;
   EXPECT_EQ(detail(Cause::foreign_node), "bus can0: 12 frames foreign since start");
   record->joints[2].reply_faults = bit(ReplyFault::lost) | bit(ReplyFault::delayed);

@@ -104,6 +104,21 @@ TEST(OperatorStop, TheSecondPressTakesThePowerAway) {
   }
 }
 
+// Goal: what keeps a robot stopped. Method: arming is asked for after one press, and after two.
+TEST(OperatorStop, AfterOnePressArmingIsRefusedAndAfterTwoItIsNot) {
+  for (const int presses : {1, 2}) {
+    Rig rig(robot(3));
+    track(rig);
+    for (int press = 0; press < presses; ++press) {
+      rig.tick_with_policy(0.3F, OperatorRequest::press_stop);
+      rig.run_with_policy(1000, 0.3F);
+    }
+    rig.tick_with_policy(0.3F, OperatorRequest::arm);
+    rig.run_with_policy(100, 0.3F);
+    EXPECT_EQ(rig.mode(), presses == 1 ? Mode::damped_stop : Mode::tracking);
+  }
+}
+
 TEST(OperatorStop, AProgramThatRepeatsItsStopNeverTakesThePower) {
   for (const Situation& situation : kSituations) {
     Rig rig(robot(3));
