@@ -95,6 +95,13 @@ std::expected<std::string, Refusal> smoke_run_of(const std::string& robot_file, 
       kExitFailed, {.everything = !options.world.empty() || !options.policy_host.empty()});
 }
 
+void note_way_back(const deploy::Store& store, const std::string& runs, const Outcome& outcome) {
+  const auto file = store.robot_file(store.current());
+  const auto robot = file ? config::load(*file) : std::unexpected(file.error());
+  note_deployment(runs, robot.value_or(config::RobotConfig{}),
+                  {"rollback", outcome.name, store.current(), {}, {}, {}, "by takt deploy: " + outcome.reason});
+}
+
 std::expected<Outcome, Refusal> deploy_robot(const DeployOptions& options) {
   const auto checked = check_robot_file(options.robot_file);
   if (!checked) return refused(first_problems(checked.error()), config::kExitBadConfiguration);
@@ -128,10 +135,9 @@ std::expected<Outcome, Refusal> deploy_robot(const DeployOptions& options) {
   if (const auto disarmed = require_disarmed(places); !disarmed) return std::unexpected(disarmed.error());
   if (const auto as_tried = store->is_as_tried(outcome.name); !as_tried) return refused(as_tried.error());
   if (const auto used = store->use(outcome.name); !used) return refused(used.error());
-  note_deployment(options.runs, "deploy", outcome.previous, outcome.name, "on probation");
+  note_deployment(options.runs, robot, {"deploy", outcome.previous, outcome.name, {}, {}, {}, "on probation"});
   const auto proven = prove(*store, options, robot, outcome);
-  note_deployment(options.runs, "deploy", outcome.name, store->current(),
-                  fmt::format("{}: {}", outcome.verdict, outcome.reason));
+  if (store->current() != outcome.name) note_way_back(*store, options.runs, outcome);
   if (!proven) return refused(fmt::format("{}: {}; {}", outcome.name, outcome.reason, proven.error().sentence));
   return outcome;
 }
@@ -198,7 +204,8 @@ void add_deploy(CLI::App& app, int& exit_code) {
       "time if it has `simulation`, switches to it, restarts the robot's processes and watches: a degraded robot, "
       "a\n"
       "stop or a fault within --watch of tracking brings the previous deployment back. So does Ctrl-C. See takt\n"
-      "rollback. What a program of --policy-host imports is not copied: only the robot file and its policy files are.\n"
+      "rollback. /var/lib/takt/interventions keeps who deployed what (docs/duties.md). What a program of --policy-host "
+      "imports is not copied: only the robot file and its policy files are.\n"
       "Exit codes: 0 in use, 1 refused or rolled back, 64 command line, 65 robot file, 69 nothing restarts it.");
   command->callback([options, &exit_code] { exit_code = run(*options); });
 }

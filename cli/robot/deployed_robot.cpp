@@ -11,9 +11,9 @@
 
 #include "cli/run/external_tool.hpp"
 #include "config/paths.hpp"
+#include "config/sha256.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/rendezvous.hpp"
-#include "monitor/record/intervention_log.hpp"
 
 namespace takt::cli {
 namespace {
@@ -58,12 +58,17 @@ void settle_restart(DeploymentOptions& options) {
     options.place.restart = "systemctl reset-failed 'takt-*'; systemctl restart takt.target";
 }
 
-void note_deployment(const std::string& runs, std::string_view what, const std::string& before,
-                     const std::string& after, const std::string& how) {
-  monitor::InterventionLog log(monitor::intervention_folder(runs));
+void note_deployment(const std::string& runs, const config::RobotConfig& robot, monitor::Deployment deployment) {
+  const std::string folder = monitor::intervention_folder(runs);
+  monitor::InterventionLog log(folder);
+  if (!log.is_kept())
+    note("note", fmt::format("not in a log of interventions: there is no folder {} (docs/duties.md)", folder));
+  deployment.robot = robot.robot;
+  deployment.config_sha256 = robot.sha256;
+  if (robot.policy) deployment.policy = config::file_sha256(robot.policy->file).value_or("");
   const auto now = std::chrono::system_clock::now().time_since_epoch();
-  log.note_deployment(what, before, after, how, std::chrono::nanoseconds(now).count());
-  if (!log.failure().empty()) fmt::print(stderr, "warning: an intervention is not in the log: {}\n", log.failure());
+  log.note(deployment, std::chrono::nanoseconds(now).count());
+  if (!log.failure().empty()) note("warning", "an intervention is not in the log: " + log.failure());
 }
 
 std::expected<void, Refusal> restart(const DeployedRobot& robot) {

@@ -5,10 +5,10 @@
 
 #include <expected>
 #include <string>
-#include <string_view>
 
 #include "cli/command.hpp"
 #include "config/robot_config.hpp"
+#include "monitor/record/intervention_log.hpp"
 #include "systemd/deploy/probation.hpp"
 
 namespace takt::cli {
@@ -30,10 +30,9 @@ void add_deployment_options(CLI::App& command, DeploymentOptions& options);
 // nothing.
 void settle_restart(DeploymentOptions& options);
 
-// Into the log of interventions beside the runs (monitor/record/intervention_log.hpp). A line that cannot be written is
-// a warning.
-void note_deployment(const std::string& runs, std::string_view what, const std::string& before,
-                     const std::string& after, const std::string& how);
+// Into the log of interventions beside `runs` (monitor/record/intervention_log.hpp). No log, or a line that cannot be
+// written, is a line on stderr. `robot`: of what is in use now.
+void note_deployment(const std::string& runs, const config::RobotConfig& robot, monitor::Deployment deployment);
 
 // From now on SIGINT, SIGTERM and SIGHUP end what waits below, not the process.
 void catch_interruptions();

@@ -38,14 +38,15 @@ std::expected<int, Refusal> roll_back(const RollbackOptions& options) {
     fmt::print(stderr, "warning: {}\n", as_tried.error());
   catch_interruptions();
   if (const auto used = store->use(to); !used) return std::unexpected(Refusal{kExitFailed, used.error()});
-  note_deployment(robot->record.directory, "rollback", from, to, store->is_proven(to) ? "proven" : "never proven");
+  note_deployment(robot->record.directory, *robot,
+                  {"rollback", from, to, {}, {}, {}, store->is_proven(to) ? "proven" : "never proven"});
   if (const auto restarted = restart_and_wait(options.place, wanted_hosts(*robot)); !restarted)
     return std::unexpected(Refusal{kExitFailed, fmt::format("{} is in use again: {}", to, restarted.error().sentence)});
   if (options.json)
     fmt::print("{}\n", json_line(nlohmann::ordered_json{{"from", from}, {"to", to}, {"proven", store->is_proven(to)}}));
   else
     fmt::print("{} is in use again instead of {}{}\n", to, from.empty() ? "nothing" : from,
-               store->is_proven(to) ? "" : "; it never passed its probation");
+               store->is_proven(to) ? "" : fmt::format("; {} never passed a probation", to));
   return kExitOk;
 }
 

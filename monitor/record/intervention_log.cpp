@@ -225,16 +225,18 @@ void InterventionLog::note(const OperatorWord& word, const std::string& robot, s
          unix_ns);
 }
 
-void InterventionLog::note_deployment(std::string_view what, const std::string& before, const std::string& after,
-                                      const std::string& how, std::int64_t unix_ns) {
+void InterventionLog::note(const Deployment& deployment, std::int64_t unix_ns) {
   failure_.clear();
   if (!is_kept()) return;
-  append({{"what", what},
+  append({{"what", deployment.what},
+          {"robot", deployment.robot},
           {"who", who(::getpid(), ::getuid(), "takt")},
           {"takt", version()},
-          {"deployment_before", before},
-          {"deployment", after},
-          {"how", how}},
+          {"deployment_before", deployment.before},
+          {"deployment", deployment.after},
+          {"config_sha256", deployment.config_sha256},
+          {"policy_sha256", deployment.policy},
+          {"how", deployment.how}},
          unix_ns);
 }
 

@@ -31,6 +31,13 @@ inline constexpr int kYearsKept = 5;
 // "/var/lib/takt/interventions" of "/var/lib/takt/runs": beside the folder of the runs.
 std::string intervention_folder(const std::string& record_directory);
 
+struct Deployment {
+  std::string what;                          // "deploy", "rollback"
+  std::string before, after;                 // in use: their names; empty: nothing
+  std::string robot, config_sha256, policy;  // of `after`; policy: SHA-256 of its file, empty: it has none
+  std::string how;                           // "on probation", "proven: tracked for 30 s"
+};
+
 class InterventionLog {
  public:
   static constexpr std::uint32_t kMostAtOnce = 100;
@@ -46,9 +53,8 @@ class InterventionLog {
   void note_start(const RunManifest& manifest, const config::RobotConfig& robot, std::int64_t unix_ns);
   // A mark is none: it changes nothing.
   void note(const OperatorWord& word, const std::string& robot, std::int64_t unix_ns);
-  // By this process: `what` is "deploy" or "rollback"; folders in use before and after, empty: none; how it ended.
-  void note_deployment(std::string_view what, const std::string& before, const std::string& after,
-                       const std::string& how, std::int64_t unix_ns);
+  // By this process.
+  void note(const Deployment& deployment, std::int64_t unix_ns);
 
   // Why the newest note is not in the log; empty: it is, or none is kept.
   [[nodiscard]] const std::string& failure() const { return failure_; }

@@ -86,7 +86,7 @@ TEST_F(InterventionLogTest, SaysWhoAskedForWhatAndWhatAStartChanged) {
   start(log, first, kIn2026);
   log.note(word(OperatorVerb::arm), "arm", kIn2026 + kSecond);
   log.note(word(OperatorVerb::mark), "arm", kIn2026 + kSecond);
-  another.note_deployment("deploy", "old", "new", "proven: tracked for 30 s", kIn2026 + 2 * kSecond);
+  another.note(Deployment{"deploy", "old", "new", "arm", "c", "p", "proven: tracked for 30 s"}, kIn2026 + 2 * kSecond);
   start(log, second, kIn2026 + 3 * kSecond);
   log.note(word(OperatorVerb::stop, false), "arm", kIn2026 + 4 * kSecond);
   const auto all = lines();
@@ -107,6 +107,8 @@ TEST_F(InterventionLogTest, SaysWhoAskedForWhatAndWhatAStartChanged) {
   EXPECT_EQ(arm["done"], true);
   EXPECT_EQ(deploy["deployment_before"], "old");
   EXPECT_EQ(deploy["who"]["uid"], ::getuid());
+  EXPECT_EQ(deploy["config_sha256"], "c");
+  EXPECT_EQ(deploy["policy_sha256"], "p");
   EXPECT_EQ(changed["config_sha256_before"], config::sha256_hex(first));
   EXPECT_EQ(changed["changed"], Json::parse(R"([{"key": "joints.elbow.limp", "before": "", "after": "true"},
                             {"key": "joints.elbow.position.max", "before": "1.5", "after": "2.5"}])"));
