@@ -28,7 +28,9 @@ std::string joint_name(const ImportOptions& options, std::size_t index) {
 }
 
 constexpr const char* kUnfilled = "FILL_IN";
-constexpr double kMadeUpTorque = 200;  // Nm
+constexpr double kMadeUpTorque = 200;                                 // Nm
+constexpr double kMadeUpVelocity = 40, kMadeUpAcceleration = 20'000;  // rad/s, rad/s2
+constexpr double kFullTorqueIn_s = 0.02;
 
 std::string one_or_list(const std::vector<double>& values) {
   if (values.empty()) return kUnfilled;
@@ -153,6 +155,9 @@ std::string simulation_text(const ImportOptions& options) {
   return text;
 }
 
+constexpr const char* kNoPolicy =
+    "\n# It can be armed once the file has a policy, as of docs/configuration.md, \"Starting from a model alone\".\n";
+
 constexpr const char* kBeforeARealRobot =
     "\n# Before a real robot: what a model and an export cannot know, and what is made up above for the simulator.\n"
     "#   buses[]: interface and bit rate of each; when_missing: refuse\n"
@@ -196,8 +201,10 @@ std::string defaults_text(const DeployFile& deploy, const ImportOptions& options
     return "joint_defaults:\n"
            "  - joints: [\"*\"]\n" +
            simulated_drive_text(deploy, *options.model, options.policy_file.empty() ? kMadeUpTorque : 0) +
-           "    limits: { position_margin: 0.3 rad, target_margin: 2 rad, velocity: 40 rad/s, velocity_hard: 55 rad/s, "
-           "acceleration: 20000 rad/s2, torque_rate: 200000 Nm/s }\n\n";
+           fmt::format(
+               "    limits: {{ position_margin: 0.3 rad, target_margin: 2 rad, velocity: {} rad/s, velocity_hard: 55 "
+               "rad/s, acceleration: {} rad/s2, torque_rate: 200000 Nm/s }}\n\n",
+               kMadeUpVelocity, kMadeUpAcceleration);
   return "joint_defaults:   # what differs between joints goes to the joint\n"
          "  - joints: [\"*\"]\n"
          "    drive: { protocol: FILL_IN, variant: FILL_IN, model: FILL_IN }\n"
@@ -232,6 +239,19 @@ std::string torque_text(const ModelJoint& joint, const ImportOptions& options) {
   return or_unfilled(is_made_up ? std::optional(kMadeUpTorque) : joint.torque, "Nm");
 }
 
+// Without a policy that was trained beyond them, a simulated robot has the model's speed, and what its torque can do.
+std::string own_limits_text(const ModelJoint& joint, const ImportOptions& options) {
+  if (options.simulated && !options.policy_file.empty()) return {};
+  std::string text;
+  if (joint.velocity && (!options.simulated || *joint.velocity < kMadeUpVelocity))
+    text += fmt::format("velocity: {:.6g} rad/s, ", *joint.velocity);
+  if (!options.simulated) return text;
+  const double torque = joint.torque.value_or(kMadeUpTorque);
+  if (joint.inertia * kMadeUpAcceleration > torque)
+    text += fmt::format("acceleration: {:.3g} rad/s2, ", 0.9 * torque / joint.inertia);
+  return text + fmt::format("torque_rate: {:.6g} Nm/s, ", torque / kFullTorqueIn_s);
+}
+
 std::string joints_text(const DeployFile& deploy, const ImportOptions& options) {
   const std::size_t joints = deploy.robot_joint.size();
   std::vector<double> home(deploy.default_position.size());
@@ -249,8 +269,6 @@ std::string joints_text(const DeployFile& deploy, const ImportOptions& options) 
       if (options.simulated) return high ? 2 * kHalfTurn : -2 * kHalfTurn;  // the model sets no limit
       return std::nullopt;
     };
-    const std::string speed =
-        known.velocity && !options.simulated ? fmt::format("velocity: {:.6g} rad/s, ", *known.velocity) : "";
     text += fmt::format(
         "  - name: {0}\n"
         "    bus: {1}\n"
@@ -260,7 +278,7 @@ std::string joints_text(const DeployFile& deploy, const ImportOptions& options) 
         "    inertia: {10}\n"
         "    home: {11}\n",
         name, wiring.bus, wiring.id, wiring.reply_id, or_unfilled(end(false), "rad"), or_unfilled(end(true), "rad"),
-        speed, torque_text(known, options), listed_or_unfilled(deploy.stiffness, j, "Nm/rad"),
+        own_limits_text(known, options), torque_text(known, options), listed_or_unfilled(deploy.stiffness, j, "Nm/rad"),
         listed_or_unfilled(deploy.damping, j, "Nms/rad"),
         or_unfilled(in_model == nullptr ? std::nullopt : std::optional(known.inertia), "kgm2"),
         listed_or_unfilled(home, j, "rad"));
@@ -476,7 +494,8 @@ std::expected<std::string, std::string> import_deploy_file(const DeployFile& dep
         "a simulated robot needs the policy's period, which this export does not say; name it by --period");
   return header_text(deploy, options, remarks) + defaults_text(deploy, options) + joints_text(deploy, options) +
          (options.policy_file.empty() ? "" : sensors_text(deploy, options.simulated) + policy_text(deploy, options)) +
-         (options.simulated ? simulation_text(options) + kBeforeARealRobot : "");
+         (options.simulated ? simulation_text(options) + kBeforeARealRobot : "") +
+         (options.policy_file.empty() ? kNoPolicy : "");
 }
 
 }  // namespace takt::config

@@ -302,6 +302,17 @@ TEST_F(Cli, NothingThatOthersWroteMovesTheCursor) {
   }
 }
 
+// Goal: a simulated robot of a model alone moves as fast as its model says, and its limits contradict neither each
+// other nor its inertias. Method: an arm's URDF; what `config check` notes of the file that is written.
+TEST_F(Cli, ASimulatedRobotOfAModelAloneKeepsTheModelsSpeeds) {
+  ASSERT_EQ(Shell::takt("config new tests/cli/robots/arm.urdf --simulated -o " + in("arm.yaml")).exit_code, 0);
+  const std::string text{std::istreambuf_iterator<char>(std::ifstream(in("arm.yaml")).rdbuf()), {}};
+  EXPECT_NE(text.find("velocity: 4 rad/s, "), std::string::npos) << text;
+  const Ended checked = Shell::takt("config check " + in("arm.yaml"));
+  EXPECT_EQ(checked.exit_code, 0) << checked.output;
+  EXPECT_EQ(checked.output.find("limits."), std::string::npos) << checked.output;
+}
+
 // Goal: an answer in JSON is JSON, whatever a folder is called. Method: a path that is no UTF-8.
 TEST_F(Cli, AnAnswerAboutAnyPathIsJson) {
   const std::string path = in("x\xff");
