@@ -84,6 +84,17 @@ std::string head_text(const Comparison& comparison) {
   return comparison.configuration->empty() ? text + "configuration the same in panel.yaml\n" : text;
 }
 
+// The first line: who succeeds more often, if that is shown.
+std::string verdict_text(const SuccessTable& success) {
+  constexpr double kShown = 0.05;
+  const std::uint64_t of_a = success.both + success.only_a, of_b = success.both + success.only_b;
+  const std::string who = success.p_value > kShown ? "no difference in success is shown"
+                          : of_a > of_b            ? "A succeeds more often"
+                                                   : "B succeeds more often";
+  return fmt::format("verdict       {}: A {} of {}, B {} of {}, exact p = {:.2g} over {} seeds\n", who, of_a,
+                     success.pairs(), of_b, success.pairs(), success.p_value, success.seeds);
+}
+
 Json json_of(const Side& side) {
   return {{"artifact_id", side.artifact_id},
           {"folder", side.folder},
@@ -94,12 +105,13 @@ Json json_of(const Side& side) {
 }  // namespace
 
 std::string comparison_text(const Comparison& comparison) {
-  std::string text = head_text(comparison);
+  std::string text = verdict_text(comparison.pooled.success) + head_text(comparison);
   text += group_text(comparison.pooled) + "  success " + any_look_text(comparison.pooled.success);
   if (comparison.margin) text += '\n' + margin_text(comparison, *comparison.margin);
   for (const GroupComparison& group : comparison.groups) text += group_text(group);
   return text +
-         "\n* survives Holm's correction over its table: without any difference at most one table in twenty has a "
+         "\nB better: share of the pairs, ties half.\n"
+         "* survives Holm's correction over its table: without any difference at most one table in twenty has a "
          "star.\n";
 }
 

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 #include <numeric>
 
 #include "config/printable.hpp"
@@ -137,17 +138,28 @@ std::string marks(const RunMetrics& metrics, std::size_t most) {
   return text;
 }
 
-// Who armed, stopped and reset; nothing where no recorder was told.
+bool are_alike(const NotedRequest& one, const NotedRequest& other) {
+  return one.action == other.action && one.pid == other.pid && one.uid == other.uid && one.done == other.done &&
+         one.answer == other.answer;
+}
+
+// Who armed, stopped and reset; one line for what was asked again and again. Nothing where no recorder was told.
 std::string requests(const RunMetrics& metrics, std::size_t most) {
   if (metrics.requests.empty()) return "";
   std::string text = fmt::format("requests      {}\n", metrics.requests.size());
-  for (std::size_t index = 0; index < std::min(most, metrics.requests.size()); ++index) {
-    const NotedRequest& each = metrics.requests[index];
-    text +=
-        fmt::format("  {:>+10.3f} s  {} by pid {} ({}), user {}{}\n", (each.at - metrics.start).seconds(), each.action,
-                    each.pid, each.program, each.uid, each.done ? "" : fmt::format(": refused: {}", each.answer));
+  const auto end = metrics.requests.end();
+  std::size_t lines = 0;
+  auto each = metrics.requests.begin();
+  while (each != end && lines++ < most) {
+    const auto next = std::find_if_not(each, end, [&](const NotedRequest& other) { return are_alike(*each, other); });
+    const auto times = std::distance(each, next);
+    text += fmt::format("  {:>+10.3f} s  {} by pid {} ({}), user {}{}{}\n", (each->at - metrics.start).seconds(),
+                        each->action, each->pid, each->program, each->uid,
+                        each->done ? "" : fmt::format(": refused: {}", each->answer),
+                        times == 1 ? "" : fmt::format(" ({} times)", times));
+    each = next;
   }
-  if (metrics.requests.size() > most) text += fmt::format("  and {} more\n", metrics.requests.size() - most);
+  if (each != end) text += fmt::format("  and {} more\n", std::distance(each, end));
   return text;
 }
 

@@ -108,6 +108,7 @@ TEST_F(CompareTest, EqualSuccessIsNoCertainty) {
   EXPECT_NE(text.find("margin 2 %: B is undecided in success (-32 % to +32 %)\nplan: 385 pairs"), std::string::npos)
       << text;
   EXPECT_NE(text.find("success at any look: undecided, evidence 1 of 20"), std::string::npos) << text;
+  EXPECT_TRUE(text.starts_with("verdict       no difference in success is shown: A 20 of 20, B 20 of 20, ")) << text;
   EXPECT_EQ(to_json(result)["margin"]["verdict"], "undecided");
   EXPECT_NE(comparison_html(result).find("B is undecided in success"), std::string::npos);
 }
@@ -119,6 +120,9 @@ TEST_F(CompareTest, DecidesWhereSuccessDiffers) {
   EXPECT_EQ(margin_verdict(worse, 0.02), MarginVerdict::inferior);
   EXPECT_EQ(better.pooled.success.seeds_for_b, 8U);
   EXPECT_NEAR(better.pooled.success.evidence, 12870.0 / 256, 1e-9);  // C(16, 8) / 2^8
+  EXPECT_TRUE(comparison_text(better).starts_with("verdict       B succeeds more often: A 12 of 20, B 20 of 20, "))
+      << comparison_text(better);
+  EXPECT_TRUE(comparison_text(worse).starts_with("verdict       A succeeds more often: A 20 of 20, B 12 of 20, "));
   EXPECT_NE(comparison_text(better).find("at any look: B succeeds more often"), std::string::npos);
   EXPECT_NE(comparison_text(worse).find("at any look: A succeeds more often"), std::string::npos);
 }
