@@ -68,44 +68,43 @@ void McapWriter::write(std::uint16_t channel, std::uint64_t log_time, std::span<
   ++pending_messages_;
 }
 
-// The chunk record and the message indexes behind it, as one piece: on disk they appear together or not at all.
-Bytes McapWriter::chunk_record(ChunkIndex& index, std::vector<TopicIndex>& topics) const {
-  Bytes compressed(ZSTD_compressBound(chunk_.size()));
-  compressed.resize(
-      ZSTD_compress(compressed.data(), compressed.size(), chunk_.data(), chunk_.size(), kCompressionLevel));
-  Bytes out;
-  Builder(out)
+// record_: the chunk record and the message indexes behind it, as one piece: on disk they appear together or not at
+// all.
+McapWriter::ChunkIndex McapWriter::fill_record(std::vector<TopicIndex>& topics) {
+  packed_.resize(ZSTD_compressBound(chunk_.size()));
+  packed_.resize(ZSTD_compress(packed_.data(), packed_.size(), chunk_.data(), chunk_.size(), kCompressionLevel));
+  record_.clear();
+  Builder(record_)
       .begin(Opcode::chunk)
       .put(chunk_first_)
       .put(chunk_last_)
       .put(static_cast<std::uint64_t>(chunk_.size()))
       .put(mcap::crc32(chunk_))
       .text(kCompression)
-      .put(static_cast<std::uint64_t>(compressed.size()))
-      .bytes(compressed)
+      .put(static_cast<std::uint64_t>(packed_.size()))
+      .bytes(packed_)
       .end();
-  const auto length = static_cast<std::uint32_t>(out.size());
+  const auto length = static_cast<std::uint32_t>(record_.size());
   for (const auto& [channel, entries] : chunk_entries_) {
-    topics.push_back({static_cast<std::uint32_t>(out.size()), channel});
+    topics.push_back({static_cast<std::uint32_t>(record_.size()), channel});
     const auto bytes = static_cast<std::uint32_t>(entries.size() * sizeof(IndexEntry));
-    Builder(out).begin(Opcode::message_index).put(channel).put(bytes).raw(entries.data(), bytes).end();
+    Builder(record_).begin(Opcode::message_index).put(channel).put(bytes).raw(entries.data(), bytes).end();
   }
-  index = {chunk_first_,
-           chunk_last_,
-           file_.size(),
-           length,
-           static_cast<std::uint32_t>(out.size()) - length,
-           static_cast<std::uint32_t>(compressed.size()),
-           static_cast<std::uint32_t>(chunk_.size()),
-           static_cast<std::uint32_t>(topics.size())};
-  return out;
+  return {chunk_first_,
+          chunk_last_,
+          file_.size(),
+          length,
+          static_cast<std::uint32_t>(record_.size()) - length,
+          static_cast<std::uint32_t>(packed_.size()),
+          static_cast<std::uint32_t>(chunk_.size()),
+          static_cast<std::uint32_t>(topics.size())};
 }
 
 bool McapWriter::flush() {
   if (pending_messages_ == 0) return file_.failure().empty();
-  ChunkIndex index{};
   std::vector<TopicIndex> topics;
-  const bool written = file_.append(chunk_record(index, topics)) && file_.sync();
+  const ChunkIndex index = fill_record(topics);
+  const bool written = file_.append(record_) && file_.sync();
   if (written) {
     for (const auto& [channel, entries] : chunk_entries_) counts_[channel] += entries.size();
     chunks_.push_back(index);

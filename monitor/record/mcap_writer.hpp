@@ -64,7 +64,7 @@ class McapWriter {
   };
 
   explicit McapWriter(BoundedFile file) : file_(std::move(file)) {}
-  Bytes chunk_record(ChunkIndex& index, std::vector<TopicIndex>& topics) const;
+  ChunkIndex fill_record(std::vector<TopicIndex>& topics);
   Bytes summary(std::uint64_t start) const;
   void put_statistics(Bytes& out) const;
 
@@ -75,6 +75,7 @@ class McapWriter {
   std::size_t topic_count_ = 0;
 
   Bytes chunk_;
+  Bytes packed_, record_;  // of the newest chunk; kept, so that each takes the memory of the one before
   std::size_t pending_messages_ = 0;
   std::uint64_t chunk_first_ = 0, chunk_last_ = 0;
   std::map<std::uint16_t, std::vector<IndexEntry>> chunk_entries_;

@@ -82,6 +82,7 @@ TEST_F(TorqueOutput, OneThatFailsIsANamedStop) {
   track(robot);
   std::filesystem::remove(folder_ + "/torque");
   ASSERT_TRUE(robot.wait_for_mode(Mode::damped_stop)) << robot.logs();
+  EXPECT_TRUE(robot.finish()) << "so that its log is whole";
   EXPECT_NE(robot.logs().find("torque_output_lost: the output that permits torque (safety.safe_torque_off)"),
             std::string::npos)
       << robot.logs();

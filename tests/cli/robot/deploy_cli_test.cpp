@@ -32,6 +32,7 @@ class Deploy : public test::Shell {
                                     << " \"$@\" >" << in("run.log") << " 2>&1 </dev/null &\necho $! >" << in("pid")
                                     << "\n";
     write_robot("good.yaml", {});
+    fs::create_directory(in("interventions"));
   }
   ~Deploy() override {
     std::ifstream file(in("pid"));
@@ -60,6 +61,22 @@ class Deploy : public test::Shell {
   }
   [[nodiscard]] std::string live(const std::string& more) const {
     return "--restart 'sh " + in("restart.sh") + "' --arm --watch 2s --arm-within 40s " + more;
+  }
+  // The lines of the log: "deploy one -> two".
+  [[nodiscard]] std::vector<std::string> interventions() const {
+    std::vector<std::string> found;
+    for (const auto& year : fs::directory_iterator(in("interventions"))) {
+      std::ifstream log(year.path());
+      for (std::string line; std::getline(log, line);) {
+        const auto json = nlohmann::json::parse(line);
+        const std::string before = json["deployment_before"];
+        found.push_back(json["what"].get<std::string>() + (before.empty() ? "" : " " + before) + " -> " +
+                        json["deployment"].get<std::string>());
+        EXPECT_EQ(json["robot"], "arm6");
+        EXPECT_EQ(json["config_sha256"].get<std::string>().size(), 64U);
+      }
+    }
+    return found;
   }
   [[nodiscard]] std::string in_use() const { return fs::read_symlink(in("store/robot")).filename(); }
 };
@@ -123,6 +140,11 @@ TEST_F(Deploy, RollbackGoesBackByHand) {
   EXPECT_TRUE(fs::exists(in("store/robot/simulated")));
   EXPECT_EQ(takt("rollback --to nowhere" + store).exit_code, 1);
   EXPECT_EQ(in_use(), "three");
+  EXPECT_EQ(interventions(), (std::vector<std::string>{"deploy -> one", "deploy one -> two", "deploy two -> three",
+                                                       "rollback three -> two", "rollback two -> three"}));
+  fs::remove_all(in("interventions"));
+  EXPECT_NE(takt("rollback --to two" + store).output.find("not in a log of interventions: there is no folder"),
+            std::string::npos);
   // A restart that says it went well, and no robot runs.
   const Ended silent =
       takt("rollback --restart true --store " + in("store") + " --runtime-dir " + in("rt") + " --to one");
