@@ -27,6 +27,7 @@
 #include "lab/panel/kept_inputs.hpp"
 #include "lab/panel/panel_promise.hpp"
 #include "lab/panel/recompute.hpp"
+#include "lab/panel/registration.hpp"
 #include "monitor/record/bounded_file.hpp"
 
 namespace takt::cli {
@@ -35,7 +36,7 @@ namespace {
 constexpr const char* kCommand = "takt audit";
 
 struct AuditOptions {
-  std::string directory, recompute, panel, robot, world, policy_host, signed_by;
+  std::string directory, recompute, panel, robot, world, policy_host, signed_by, time_by, registered_by;
   policy_host::Grants policy_may;
   std::size_t workers = 1;
   bool json = false, draft = false;
@@ -80,22 +81,48 @@ std::expected<panel::Recomputed, std::string> recomputed(const panel::Artifact& 
   return panel::recompute(artifact, *contest, panel::drawn_rows(rows, artifact.rows.size(), nonce()), options.workers);
 }
 
-// Id of the key that the reader named, or why it did not sign; none: none was named.
-std::optional<std::expected<std::string, std::string>> signer(const AuditOptions& options) {
-  if (options.signed_by.empty()) return std::nullopt;
+std::expected<std::string, std::string> signer(const AuditOptions& options) {
   const auto key = monitor::read_file(options.signed_by);
   if (!key) return std::unexpected(key.error());
   return panel::check_signature(options.directory, *key);
 }
 
+std::expected<panel::TimeStamp, std::string> stamp(const AuditOptions& options) {
+  const auto certificates = monitor::read_file(options.time_by);
+  if (!certificates) return std::unexpected(certificates.error());
+  return panel::check_time(options.directory, *certificates);
+}
+
+std::expected<panel::Registered, std::string> registration(const panel::Artifact& artifact,
+                                                           const AuditOptions& options) {
+  const auto key = monitor::read_file(options.registered_by);
+  if (!key) return std::unexpected(key.error());
+  std::optional<std::string> certificates;
+  if (!options.time_by.empty()) {
+    auto text = monitor::read_file(options.time_by);
+    if (!text) return std::unexpected(text.error());
+    certificates = std::move(*text);
+  }
+  return panel::check_registration(artifact, *key, certificates);
+}
+
+panel::Vouching vouching(const AuditOptions& options) {
+  panel::Vouching vouching;
+  if (!options.signed_by.empty()) vouching.signed_by = signer(options);
+  if (vouching.signed_by && !options.time_by.empty()) vouching.stamped = stamp(options);
+  return vouching;
+}
+
 int audit_run(const AuditOptions& options) {
-  if (!options.recompute.empty() || options.draft)
-    return refuse(kExitUsage, fmt::format("{}: {} is a run folder: --recompute and --draft are for a panel's artifact",
-                                          kCommand, options.directory));
+  if (!options.recompute.empty() || options.draft || !options.registered_by.empty())
+    return refuse(kExitUsage,
+                  fmt::format("{}: {} is a run folder: --recompute, --draft and --registered-by are for a panel's "
+                              "artifact",
+                              kCommand, options.directory));
   const auto run = monitor::open_run(options.directory);
   if (!run) return fail(kCommand, run.error());
   panel::RunAudit result = panel::audit_run(*run);
-  result.signed_by = signer(options);
+  result.vouching = vouching(options);
   fmt::print("{}", options.json ? json_line(panel::to_json(result)) + "\n" : panel::audit_text(result));
   return result.is_consistent() ? kExitOk : kExitFailed;
 }
@@ -121,8 +148,9 @@ std::expected<panel::Recomputed, std::string> recomputed(const panel::Attestatio
 }
 
 int audit_attestation(const AuditOptions& options) {
-  if (options.json || options.draft || !options.signed_by.empty())
-    return refuse(kExitUsage, fmt::format("{}: {} is an attestation: --json, --draft and --signed-by are for folders",
+  if (options.json || options.draft || !options.signed_by.empty() || !options.registered_by.empty())
+    return refuse(kExitUsage, fmt::format("{}: {} is an attestation: --json, --draft, --signed-by and --registered-by "
+                                          "are for folders",
                                           kCommand, options.directory));
   if (options.recompute.empty() != options.panel.empty())
     return refuse(kExitUsage, fmt::format("{}: an attestation names no files: --recompute needs --panel", kCommand));
@@ -141,6 +169,8 @@ int audit_attestation(const AuditOptions& options) {
 }
 
 int audit(const AuditOptions& options) {
+  if (!options.time_by.empty() && options.signed_by.empty() && options.registered_by.empty())
+    return refuse(kExitUsage, fmt::format("{}: --time-by needs --signed-by or --registered-by", kCommand));
   if (std::filesystem::is_regular_file(options.directory)) return audit_attestation(options);
   if (std::filesystem::exists(monitor::RunFolder(options.directory).ticks())) return audit_run(options);
   const auto artifact = panel::open_artifact(options.directory);
@@ -160,7 +190,8 @@ int audit(const AuditOptions& options) {
     if (!again) return fail(kCommand, "--recompute: " + again.error());
     result.recomputed = std::move(*again);
   }
-  result.signed_by = signer(options);
+  result.vouching = vouching(options);
+  if (!options.registered_by.empty()) result.registered = registration(*artifact, options);
   if (options.json) {
     fmt::print("{}\n", json_line(panel::to_json(result)));
   } else {
@@ -192,6 +223,11 @@ void add_audit(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(1, 1024))
       ->needs(recompute);
   command->add_option("--signed-by", options->signed_by, "public key, PEM: it has to be signed by it (takt seal)");
+  command->add_option("--registered-by", options->registered_by,
+                      "public key, PEM: the panel has to be registered by it before it ran (takt seal PANEL)");
+  command->add_option("--time-by", options->time_by,
+                      "certificates, PEM: the signature has to be stamped by an authority of theirs, and so has the "
+                      "registration, if it is stamped");
   command->footer(
       "Example: takt audit artifacts/smoke --recompute 25%\n"
       "Exit codes: 0 nothing is missing and nothing contradicts itself; 1 something is or does, rows came\n"

@@ -2,13 +2,13 @@
 // takt compare: two methods row by row, only where the same-artifact rule allows it.
 #include <fmt/format.h>
 
-#include <charconv>
 #include <memory>
 #include <optional>
 #include <string_view>
 
 #include "cli/command.hpp"
 #include "cli/json_line.hpp"
+#include "cli/lab/margin_option.hpp"
 #include "cli/lab_commands.hpp"
 #include "lab/judge/compare.hpp"
 #include "lab/panel/panel_promise.hpp"
@@ -22,20 +22,10 @@ struct CompareOptions {
   bool json = false, rows = false, plan = false;
 };
 
-// "2%" as 0.02; between 0 and 100 %.
-std::optional<double> share_of(std::string_view text) {
-  if (!text.ends_with('%')) return std::nullopt;
-  text.remove_suffix(1);
-  double percent = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), percent);
-  if (error != std::errc{} || end != text.data() + text.size() || !(percent > 0 && percent < 100)) return std::nullopt;
-  return percent / 100;
-}
-
 int compare(const CompareOptions& options) {
   std::optional<panel::SuccessMargin> margin;
   if (!options.margin.empty()) {
-    const auto width = share_of(options.margin);
+    const auto width = margin_of(options.margin);
     if (!width)
       return refuse(kExitUsage, fmt::format("takt compare: --margin {}: write a share of success between 0 and 100 %, "
                                             "such as 2%",

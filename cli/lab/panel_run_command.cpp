@@ -11,9 +11,9 @@
 
 #include "cli/command.hpp"
 #include "cli/json_line.hpp"
+#include "cli/lab/panel_choice.hpp"
 #include "cli/lab/progress.hpp"
 #include "cli/lab/real_rollouts.hpp"
-#include "cli/run/policy_host_option.hpp"
 #include "cli/world_option.hpp"
 #include "config/load.hpp"
 #include "config/printable.hpp"
@@ -23,6 +23,7 @@
 #include "lab/panel/kept_inputs.hpp"
 #include "lab/panel/panel_plan.hpp"
 #include "lab/panel/panel_table.hpp"
+#include "lab/panel/registration.hpp"
 #include "lab/panel/sequential_decision.hpp"
 #include "lab/panel/worker_pool.hpp"
 
@@ -30,24 +31,11 @@ namespace takt::cli {
 namespace {
 
 struct PanelRunOptions {
-  std::string panel, robot, out, only, method, until_decided, world, policy_host, shard = "1/1";
-  policy_host::Grants policy_may;
+  std::string panel, out, only, shard = "1/1";
+  PanelChoice choice;
   std::size_t workers = 1;
-  std::uint64_t seeds = 0;  // 0: as many as the panel says
   bool resume = false, json = false, real_time = false, allow_non_realtime = false;
 };
-
-// One robot has one task: of a panel of several, --robot runs its own alone. Empty: fine.
-std::string keep_task_of(const PanelRunOptions& options, panel::Panel& panel) {
-  if (options.robot.empty() || panel.tasks.size() < 2) return {};
-  const auto robot = config::load(options.robot);
-  if (!robot) return robot.error();
-  const panel::Task task = panel::task_of(*robot);
-  std::erase_if(panel.tasks, [&](const panel::PanelTask& one) { return one.task != task; });
-  if (!panel.tasks.empty()) return {};
-  return fmt::format("{}: the panel has no task {}, which this robot is for; name another robot by --robot", panel.file,
-                     panel::kTaskNames[static_cast<std::size_t>(task)]);
-}
 
 std::optional<panel::Shard> shard_of(const std::string& text) {
   panel::Shard shard;
@@ -82,7 +70,11 @@ std::expected<panel::ArtifactWriter, std::string> open_writer(const PanelRunOpti
                                                               const std::string& panel_text) {
   const bool begun = std::filesystem::exists(panel::ArtifactFolder(options.out).manifest());
   if (options.resume && begun) return panel::ArtifactWriter::resume(options.out, manifest);
-  return panel::ArtifactWriter::create(options.out, manifest, panel_text);
+  auto writer = panel::ArtifactWriter::create(options.out, manifest, panel_text);
+  // Only of a panel that begins: what is registered later says nothing of its rows.
+  if (const auto kept = panel::keep_registration(options.panel, panel::ArtifactFolder(options.out)); writer && !kept)
+    return std::unexpected(kept.error());
+  return writer;
 }
 
 // The post-mortem first: a row that is there has its own.
@@ -144,35 +136,20 @@ std::expected<void, std::string> run_all(const PanelRunOptions& options, panel::
 int run(const PanelRunOptions& options) {
   const auto shard = shard_of(options.shard);
   if (!shard) return refuse(kExitUsage, "takt panel run: --shard " + options.shard + ": write I/N, such as 1/4");
-  auto panel = panel::load_panel(options.panel);
-  if (!panel) return refuse(config::kExitBadConfiguration, panel.error());
-  if (!options.method.empty()) {
-    std::erase_if(panel->methods, [&](const auto& one) { return one.name != options.method; });
-    if (panel->methods.empty())
-      return refuse(kExitUsage, "takt panel run: --method " + options.method + ": no method of this panel");
-  }
-  std::array<std::string, 2> rivals;
-  if (!options.until_decided.empty()) {
-    auto two = panel::keep_two_methods(options.until_decided, *panel);
-    if (!two)
-      return refuse(kExitUsage,
-                    fmt::format("takt panel run: --until-decided {}: {}", options.until_decided, two.error()));
-    rivals = std::move(*two);
-  }
-  if (options.seeds != 0) panel->seed_count = options.seeds;
-  panel->robot = options.robot;
-  if (const std::string why = keep_task_of(options, *panel); !why.empty())
-    return refuse(config::kExitBadConfiguration, why);
-  if (const std::string why = crowded_world(options.world, options.workers); !why.empty())
+  auto chosen = chosen_panel("takt panel run", options.panel, options.choice);
+  if (!chosen) return refuse(chosen.error().exit_code, chosen.error().sentence);
+  const panel::OutsideProcesses outside = options.choice.outside();
+  if (const std::string why = crowded_world(outside.world, options.workers); !why.empty())
     return refuse(kExitUsage, "takt panel run: " + why);
-  if (const auto seed = seed_of(options.only)) plan_for(*seed, *panel);
-  auto plan = panel::plan_of(*panel, *shard);
+  panel::Panel& panel = chosen->panel;
+  if (const auto seed = seed_of(options.only)) plan_for(*seed, panel);
+  auto plan = panel::plan_of(panel, *shard);
   if (plan.empty())
     return refuse(kExitUsage,
                   fmt::format("takt panel run: --shard {}: the panel has {} rollouts, and this part has none; "
                               "write fewer parts",
-                              options.shard, panel::plan_of(*panel, {}).size()));
-  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host, options.policy_may});
+                              options.shard, panel::plan_of(panel, {}).size()));
+  auto contest = panel::Contest::prepare(std::move(panel), outside);
   if (!contest) return refuse(config::kExitBadConfiguration, contest.error());
   if (!options.only.empty()) {
     std::erase_if(plan, [&](const auto& one) { return panel::rollout_id(contest->identity(one)) != options.only; });
@@ -180,18 +157,17 @@ int run(const PanelRunOptions& options) {
       return refuse(kExitUsage, "takt panel run: --only " + options.only + ": no rollout of this panel");
   }
   std::optional<panel::SequentialDecision> decision;
-  if (!options.until_decided.empty()) decision.emplace(rivals, plan);
+  if (!options.choice.until_decided.empty()) decision.emplace(chosen->rivals, plan);
   std::optional<RealRollouts> real;
   if (options.real_time) {
-    auto made = RealRollouts::make(*contest, options.out, {options.world, options.policy_host, options.policy_may},
-                                   options.allow_non_realtime);
+    auto made = RealRollouts::make(*contest, options.out, outside, options.allow_non_realtime);
     if (!made) return refuse(config::kExitBadConfiguration, made.error());
     real.emplace(std::move(*made));
   }
   panel::ArtifactManifest manifest = contest->manifest(plan.size());
   manifest.timing = timing_of(options);
   manifest.shard = {shard->index, shard->count};
-  if (decision) manifest.until_decided = {rivals.begin(), rivals.end()};
+  if (decision) manifest.until_decided = {chosen->rivals.begin(), chosen->rivals.end()};
   auto rows = open_writer(options, manifest, contest->panel().text);
   if (!rows) return refuse(kExitFailed, "takt panel run: " + rows.error());
   if (const auto kept = panel::keep_inputs(*contest, rows->folder()); !kept)
@@ -222,16 +198,8 @@ void add_panel_run(CLI::App& panel, int& exit_code) {
   command->add_option("--workers", options->workers, "processes that share the work; rows do not depend on it")
       ->check(CLI::Range(1, 1024));
   command->add_option("--shard", options->shard, "I/N: run only the I-th of N parts of the plan");
-  command->add_option("--robot", options->robot,
-                      "robot file instead of those that the panel names; of several tasks, only its own runs");
-  command->add_option("--method", options->method, "run this one of the panel's methods");
-  command->add_option("--seeds", options->seeds, "this many seeds from the first on, instead of the panel's count")
-      ->check(CLI::Range(1, 1'000'000));
-  command
-      ->add_option("--until-decided", options->until_decided,
-                   "A,B: run only these two methods, seed by seed, until it is decided which succeeds more often")
-      ->excludes(command->get_option("--shard"))
-      ->excludes(command->get_option("--method"));
+  add_panel_choice(*command, options->choice);
+  command->get_option("--until-decided")->excludes(command->get_option("--shard"));
   command->add_option("--only", options->only, "run the one rollout of this id, as post-mortems name it")
       ->excludes(command->get_option("--until-decided"));
   auto* const real_time =
@@ -241,9 +209,7 @@ void add_panel_run(CLI::App& panel, int& exit_code) {
                  "with --real-time: run even without real-time guarantees")
       ->needs(real_time);
   command->get_option("--workers")->excludes(real_time);
-  add_world(*command, options->world)->excludes(real_time);
-  add_policy_host(*command, options->policy_host);
-  add_policy_may(*command, options->policy_may);
+  command->get_option("--world")->excludes(real_time);
   command->add_flag("--resume", options->resume, "go on with what lies in --out; rollouts already there are skipped");
   command->add_flag("--json", options->json, "print one line of JSON instead of the table");
   command->footer(

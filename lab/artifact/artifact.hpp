@@ -9,6 +9,7 @@
 //   rollouts.parquet      the same rows as columns; written when the panel is complete
 //   confusion.json        planted causes against the fault classifier's verdicts; written with the Parquet file
 //   inputs.json, inputs/  what the rows were computed from, by content (inputs.hpp)
+//   registration.dsse.json, registration.tsr   what the panel was to show, where it was registered before it ran
 //   postmortems/ID.md     one per failed rollout
 //
 // Errors are one sentence with the row's number, counted from 1. Thread rule: one thread at a time.
@@ -29,6 +30,7 @@ namespace takt::panel {
 
 class ArtifactFolder {
  public:
+  static constexpr const char *kRegistration = "registration.dsse.json", *kRegistrationStamp = "registration.tsr";
   explicit ArtifactFolder(std::string path) : path_(std::move(path)) {}
   [[nodiscard]] const std::string& path() const { return path_; }
   [[nodiscard]] std::string manifest() const { return path_ + "/manifest.json"; }
@@ -42,6 +44,8 @@ class ArtifactFolder {
   [[nodiscard]] std::string confusion() const { return path_ + "/confusion.json"; }
   [[nodiscard]] std::string inputs_file() const { return path_ + "/inputs.json"; }
   [[nodiscard]] std::string inputs() const { return path_ + "/inputs"; }
+  [[nodiscard]] std::string registration() const { return path_ + "/" + kRegistration; }
+  [[nodiscard]] std::string registration_stamp() const { return path_ + "/" + kRegistrationStamp; }
   [[nodiscard]] std::string post_mortems() const { return path_ + "/postmortems"; }
   [[nodiscard]] std::string post_mortem(const RolloutRow& row) const;
 

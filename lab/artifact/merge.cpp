@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <map>
 #include <set>
+#include <utility>
 
 #include "lab/artifact/inputs.hpp"
 #include "monitor/record/bounded_file.hpp"
@@ -104,6 +105,40 @@ std::expected<void, std::string> copy_post_mortems(std::span<const Artifact> fro
   return {};
 }
 
+// Empty: none.
+std::expected<std::string, std::string> text_if_there(const std::string& path) {
+  std::error_code unknown;
+  return std::filesystem::exists(path, unknown) ? monitor::read_file(path) : "";
+}
+
+struct KeptRegistration {
+  std::string envelope, stamp;  // empty: none
+};
+
+// Shards of a registered panel keep the same one each.
+std::expected<KeptRegistration, std::string> registration_of(std::span<const Artifact> artifacts) {
+  KeptRegistration kept;
+  for (const Artifact& artifact : artifacts) {
+    auto envelope = text_if_there(artifact.folder.registration());
+    auto stamp = text_if_there(artifact.folder.registration_stamp());
+    if (!envelope || !stamp) return std::unexpected(envelope ? stamp.error() : envelope.error());
+    if (&artifact == &artifacts.front())
+      kept = {std::move(*envelope), std::move(*stamp)};
+    else if (*envelope != kept.envelope || *stamp != kept.stamp)
+      return std::unexpected(fmt::format("refusing the mixture: the registration differs between {} and {}",
+                                         artifacts.front().folder.path(), artifact.folder.path()));
+  }
+  return kept;
+}
+
+std::expected<void, std::string> keep(const KeptRegistration& registration, const ArtifactFolder& folder) {
+  for (const auto& [file, text] : {std::pair{folder.registration(), &registration.envelope},
+                                   std::pair{folder.registration_stamp(), &registration.stamp}})
+    if (!text->empty())
+      if (auto done = monitor::replace_file(file, *text); !done) return done;
+  return {};
+}
+
 }  // namespace
 
 std::expected<Artifact, std::string> merge(const std::string& path, std::span<const Artifact> artifacts) {
@@ -111,6 +146,8 @@ std::expected<Artifact, std::string> merge(const std::string& path, std::span<co
   if (const std::string reason = mixture(artifacts); !reason.empty()) {
     return std::unexpected(fmt::format("refusing the mixture: {}", reason));
   }
+  const auto registration = registration_of(artifacts);
+  if (!registration) return std::unexpected(registration.error());
   const auto panel_text = monitor::read_file(artifacts.front().folder.panel());
   if (!panel_text) return std::unexpected(panel_text.error());
   auto writer = ArtifactWriter::create(path, merged_manifest(artifacts), *panel_text);
@@ -122,6 +159,7 @@ std::expected<Artifact, std::string> merge(const std::string& path, std::span<co
     }
   }
   if (auto done = copy_post_mortems(artifacts, writer->folder()); !done) return std::unexpected(done.error());
+  if (auto done = keep(*registration, writer->folder()); !done) return std::unexpected(done.error());
   if (auto done = merge_inputs(artifacts, writer->folder()); !done) return std::unexpected(done.error());
   if (auto done = writer->finish(); !done) return std::unexpected(done.error());
   return open_artifact(path);

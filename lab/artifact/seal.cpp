@@ -23,10 +23,15 @@ namespace {
 constexpr std::array kSealed{"manifest.json",   "panel.yaml",       "rollout.schema.json", "rollouts.jsonl",
                              "rollouts.sha256", "rollouts.parquet", "confusion.json"};
 
-// An earlier version kept no inputs. Their contents have their hashes for names.
-std::vector<const char*> sealed_files(bool with_inputs) {
+// Sealed where they are there. An earlier version kept no inputs, whose contents have their hashes for names.
+constexpr std::array kSealedIfThere{kInputsFile, ArtifactFolder::kRegistration, ArtifactFolder::kRegistrationStamp};
+
+// `named`: in the seal, which a file that is gone is missing from.
+std::vector<const char*> sealed_files(const ArtifactFolder& folder, const nlohmann::ordered_json& named) {
   std::vector<const char*> files(kSealed.begin(), kSealed.end());
-  if (with_inputs) files.push_back(kInputsFile);
+  std::error_code unknown;
+  for (const char* const file : kSealedIfThere)
+    if (named.contains(file) || std::filesystem::exists(folder.path() + "/" + file, unknown)) files.push_back(file);
   return files;
 }
 
@@ -88,7 +93,7 @@ std::string broken_row_seal(std::string_view rows, std::string_view seals, bool 
 
 std::expected<std::string, std::string> seal_of(const ArtifactFolder& folder, const std::string& artifact_id) {
   nlohmann::ordered_json json{{"schema", kSealSchema}, {"artifact_id", artifact_id}};
-  for (const char* const file : sealed_files(keeps_inputs(folder))) {
+  for (const char* const file : sealed_files(folder, nlohmann::ordered_json::object())) {
     const auto text = monitor::read_file(folder.path() + "/" + file);
     if (!text) return std::unexpected(text.error());
     json["files"][file] = config::sha256_hex(*text);
@@ -108,7 +113,7 @@ std::string broken_seal(const ArtifactFolder& folder, const std::string& artifac
   if (!json->is_object() || json->value("schema", "") != kSealSchema || !is_object("files") || !is_object("runs"))
     return fmt::format("seal.json is no seal of this version ({})", kSealSchema);
   if (json->value("artifact_id", "") != artifact_id) return "seal.json is of another artifact";
-  const auto names = sealed_files(keeps_inputs(folder) || json->at("files").contains(kInputsFile));
+  const auto names = sealed_files(folder, json->at("files"));
   for (const char* const file : names) {
     const auto content = monitor::read_file(folder.path() + "/" + file);
     if (!content) return content.error();

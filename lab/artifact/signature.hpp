@@ -6,6 +6,8 @@
 // each of an artifact's post-mortems that was there. A signature proves who signed, to whom has the public key from the
 // signer: anybody can sign an edited artifact with a key of their own.
 //
+// seal.tsr beside it says since when (time_stamp.hpp).
+//
 // Keys are PEM files as OpenSSL writes them, of Ed25519 only. Errors are one sentence. Thread rule: any thread.
 #pragma once
 
@@ -14,6 +16,7 @@
 #include <string_view>
 
 #include "lab/artifact/artifact.hpp"
+#include "lab/artifact/time_stamp.hpp"
 #include "monitor/record/recorded_run.hpp"
 
 namespace takt::panel {
@@ -36,5 +39,8 @@ std::expected<std::string, std::string> sign(const monitor::RecordedRun& run, Si
 // The id of the key, where the folder's envelope is signed by it and every subject is the file that was signed; else
 // why not. A post-mortem that was written later is no subject, and no error.
 std::expected<std::string, std::string> check_signature(const std::string& folder, std::string_view public_key_pem);
+
+// When an authority of those certificates stamped the folder's envelope (kTimeStampFile).
+std::expected<TimeStamp, std::string> check_time(const std::string& folder, std::string_view certificates_pem);
 
 }  // namespace takt::panel

@@ -8,7 +8,8 @@ Exit codes: 0 it is; 1 it is not, with the reason; 64 command line.
 Of an artifact it reads seal.json (SHA-256 of every file) and rollouts.sha256 (a chain: each row's line is SHA-256 over the line before,
 a line end, and the row with its line end); of a run folder seal.json (SHA-256 of each whole file, and of each 10 s of those that grew);
 with --key seal.dsse.json: a DSSE envelope (version 1) around an in-toto Statement v1, signed by Ed25519. The signature is judged by
-RFC 8032, section 5.1.7, strictly: one encoding of each number, no cofactor.
+RFC 8032, section 5.1.7, strictly: one encoding of each number, no cofactor. Of a time stamp of it, seal.tsr, only what it stamps is read:
+openssl ts -verify -in DIR/seal.tsr -data DIR/seal.dsse.json -CAfile AUTHORITY.pem   judges the rest.
 Without --key the files are compared with each other only: an edit of all of them passes. Python's standard library, 3.9 or later.
 """
 import base64
@@ -20,17 +21,18 @@ import re
 import sys
 
 SEALED = ("manifest.json", "panel.yaml", "rollout.schema.json", "rollouts.jsonl", "rollouts.sha256", "rollouts.parquet", "confusion.json")
-INPUTS = "inputs.json"  # an earlier version keeps none
+SEAL, ENVELOPE, STAMP = "seal.json", "seal.dsse.json", "seal.tsr"
+INPUTS = "inputs.json"
+OPTIONAL = {INPUTS, "registration.dsse.json", "registration.tsr"}  # an earlier version keeps no inputs
 PAYLOAD_TYPE = "application/vnd.in-toto+json"
-STATEMENT_TYPE = "https://in-toto.io/Statement/v1"
-PREDICATE_TYPE = "https://in-toto.io/attestation/test-result/v0.1"
+STATEMENT_TYPES = ("https://in-toto.io/Statement/v1", "https://in-toto.io/attestation/test-result/v0.1")  # its own, its predicate's
+IMPRINTS = ("300d060960864801650304020105000420", "300b06096086480165030402010420")  # SHA-256 in DER, with its empty parameter and without
 MOST_BYTES = 4 << 30
 EVENTS = "events.jsonl"  # its writer goes on when the run is closed; absent where nothing wrote it
 GROWN = ("ticks.mcap", "can.log.zst", "transitions.jsonl", EVENTS)  # "can.log" of earlier versions: the same lines, plain
 WHOLE = ("manifest.json", "config.yaml", "drives.json")
 
-# The curve of RFC 8032, section 5.1.
-P = 2**255 - 19
+P = 2**255 - 19  # the curve of RFC 8032, section 5.1
 L = 2**252 + 27742317777372353535851937790883648493
 D = -121665 * pow(121666, P - 2, P) % P
 ROOT = pow(2, (P - 1) // 4, P)
@@ -85,20 +87,16 @@ def is_signature(public, message, signature):
         return False
     h = int.from_bytes(hashlib.sha512(signature[:32] + public + message).digest(), "little") % L
     point = add(times(s, BASE), times(h, (P - key[0], key[1], 1, P - key[3])))
-    inverse = pow(point[2], P - 2, P)
-    x, y = point[0] * inverse % P, point[1] * inverse % P
+    x, y = (one * pow(point[2], P - 2, P) % P for one in point[:2])
     return (y | (x & 1) << 255).to_bytes(32, "little") == signature[:32]
 
 
 def public_key(path):
     """The 32 bytes of a PEM file, and the key's id: SHA-256 of its DER form."""
-    lines = [line.strip() for line in path.read_text(errors="replace").splitlines()]
-    if lines[:1] != ["-----BEGIN PUBLIC KEY-----"] or "-----END PUBLIC KEY-----" not in lines:
-        raise Refused(f"{path} is no public key in PEM form")
-    der = from_base64("".join(lines[1:lines.index("-----END PUBLIC KEY-----")]), str(path))
-    head = bytes.fromhex("302a300506032b6570032100")
+    pem = re.fullmatch(r"-----BEGIN PUBLIC KEY-----\s+([A-Za-z0-9+/=\s]+)-----END PUBLIC KEY-----\s*", path.read_text(errors="replace"))
+    der, head = from_base64("".join(pem[1].split()), str(path)) if pem else b"", bytes.fromhex("302a300506032b6570032100")
     if len(der) != 44 or not der.startswith(head):
-        raise Refused(f"{path} is no key of Ed25519")
+        raise Refused(f"{path} is no public key of Ed25519 in PEM form")
     return der[len(head):], hashlib.sha256(der).hexdigest()
 
 
@@ -152,44 +150,43 @@ def parsed(data, name):
     try:
         found = json.loads(data.decode(), object_pairs_hook=once)
     except (ValueError, RecursionError):
-        raise Refused(f"{name} is no JSON") from None
+        found = None
     if not isinstance(found, dict):
-        raise Refused(f"{name} is no object")
+        raise Refused(f"{name} is no JSON object")
     return found
 
 
-def check_inputs(folder, sealed):
+def check_inputs(folder):
     """What the rows were computed from: each content has its hash for a name."""
-    if INPUTS not in sealed:
-        raise Refused(f"{INPUTS} is not in the seal")
     for name, digest in (one for files in parsed(content(folder, INPUTS), INPUTS)["tasks"].values() for one in files.items()):
         if not re.fullmatch("[0-9a-f]{64}", str(digest)) or file_hash(folder, f"inputs/{digest}") != digest:
             raise Refused(f"{name} of {INPUTS} is not what was kept")
 
 
-def may_be_of_run(name):
-    parts = pathlib.PurePosixPath(name).parts
-    return parts[:1] == ("runs",) and ".." not in parts and "\0" not in name
+def lies_in(folder, name, deeper=False):
+    """Whether it names a file of that folder, or of one deeper in it, and leads nowhere else."""
+    parts = name.split("/")
+    return parts[0] == folder and (len(parts) == 2 or deeper and len(parts) > 2) and not {"", ".", ".."} & set(parts) and "\0" not in name
 
 
 def check_seal(folder):
     """The artifact's id. Raises Refused where a file is not the one that was sealed."""
-    seal = parsed(content(folder, "seal.json"), "seal.json")
+    seal = parsed(content(folder, SEAL), SEAL)
     files, runs = seal.get("files"), seal.get("runs")
     if seal.get("schema") != "takt.seal/1" or not isinstance(files, dict) or not isinstance(runs, dict):
         raise Refused("seal.json is no seal of this version (takt.seal/1)")
-    if set(seal) != {"schema", "artifact_id", "files", "runs"} or set(files) - {INPUTS} != set(SEALED) or not all(map(may_be_of_run, runs)):
+    if set(seal) != {"schema", "artifact_id", "files", "runs"} or set(files) - OPTIONAL != set(SEALED) or not all(lies_in("runs", name, True) for name in runs):
         raise Refused("seal.json is not as it was written")
     for name, digest in [*runs.items(), *files.items()]:
         if file_hash(folder, name) != digest:
             raise Refused(f"{name} is not the file that was sealed")
-    if (folder / INPUTS).exists():
-        check_inputs(folder, files)
+    if unsealed := [name for name in OPTIONAL - set(files) if (folder / name).exists()]:
+        raise Refused(f"{unsealed[0]} is not in the seal")
+    if INPUTS in files:
+        check_inputs(folder)
     manifest = parsed(content(folder, "manifest.json"), "manifest.json")
-    if manifest.get("complete") is not True:
-        raise Refused("the artifact is unfinished")
-    if not seal["artifact_id"] or manifest.get("artifact_id") != seal["artifact_id"]:
-        raise Refused("seal.json is of another artifact")
+    if manifest.get("complete") is not True or not seal["artifact_id"] or manifest.get("artifact_id") != seal["artifact_id"]:
+        raise Refused("seal.json is of another artifact, or of an unfinished one")
     return seal["artifact_id"]
 
 
@@ -197,10 +194,8 @@ def check_rows(folder):
     """How many rows there are. Raises Refused where one is not the one that was written."""
     *rows, rest = content(folder, "rollouts.jsonl").split(b"\n")
     seals = content(folder, "rollouts.sha256").decode(errors="replace").split("\n")
-    if seals[-1:] != [""] or len(seals) - 1 != len(rows):
-        raise Refused(f"{len(rows)} rows have {len(seals) - 1} seals in rollouts.sha256")
-    if rest:
-        raise Refused("the last row is cut off")
+    if rest or seals[-1:] != [""] or len(seals) - 1 != len(rows):
+        raise Refused(f"{len(rows)} whole rows have {len(seals) - 1} seals in rollouts.sha256")
     before = ""
     for number, row in enumerate(rows, 1):
         if hashlib.sha256(before.encode() + b"\n" + row + b"\n").hexdigest() != seals[number - 1]:
@@ -226,65 +221,61 @@ def check_segments(folder, name, segments):
 
 def check_run(folder):
     """The run's id and its number of segments. Raises Refused where a file is not as it was recorded."""
-    seal = parsed(content(folder, "seal.json"), "seal.json")
+    seal = parsed(content(folder, SEAL), SEAL)
     files, grown = seal.get("files"), seal.get("segments")
     if seal.get("schema") != "takt.run_seal/1" or not isinstance(files, dict) or not isinstance(grown, dict) or {"can.log.zst" if name == "can.log" else name for name in grown} != set(GROWN):
         raise Refused("seal.json is no seal of this version (takt.run_seal/1)")
     if seal.get("closed") is not True:
         raise Refused("the recorder was ended before it closed the run")
     for name, digest in files.items():
-        image = pathlib.PurePosixPath(name).parts
-        if name not in WHOLE and (len(image) != 2 or image[0] != "images" or image[1] == ".." or "\0" in name):
+        if name not in WHOLE and not lies_in("images", name):
             raise Refused("seal.json is not as it was written")
         if file_hash(folder, name) != digest:
             raise Refused(f"{name} is not the file that was recorded")
     for name, segments in grown.items():
-        shape = (("bytes", int), ("until_unix_ns", int), ("sha256", str))
-        if not isinstance(segments, list) or any(not isinstance(one, dict) or any(type(one.get(key)) is not kind for key, kind in shape) for one in segments):
-            raise Refused("seal.json is not as it was written")
         check_segments(folder, name, segments)
     manifest = parsed(content(folder, "manifest.json"), "manifest.json") if "manifest.json" in files else {}
     if manifest.get("run_id") != seal.get("run_id"):
         raise Refused("seal.json is of another run")
     before, digest = manifest.get("goes_on_from"), manifest.get("goes_on_from_seal_sha256")
-    beside = folder.resolve().parent / str(before) / "seal.json"
-    if digest and "/" not in str(before) and before != ".." and beside.is_file():
-        with beside.open("rb") as file:
-            if hash_of(file, beside.stat().st_size) != digest:
-                raise Refused(f"{before}, the part before it, has another seal than it had")
+    beside = folder.resolve().parent / str(before)
+    if digest and "/" not in str(before) and before != ".." and (beside / SEAL).is_file() and file_hash(beside, SEAL) != digest:
+        raise Refused(f"{before}, the part before it, has another seal than it had")
     return seal["run_id"], sum(map(len, grown.values()))
-
-
-def may_be_subject(name):
-    path = pathlib.PurePosixPath(name)
-    return name == "seal.json" or (len(path.parts) == 2 and path.parts[0] == "postmortems" and path.parts[1] not in ("..", ".")
-                                   and str(path) == name and "\0" not in name)
 
 
 def check_signature(folder, key_file):
     """The id of the key. Raises Refused where the envelope is not signed by it, or a subject is another file."""
     public, key_id = public_key(key_file)
-    envelope = parsed(content(folder, "seal.dsse.json"), "seal.dsse.json")
+    envelope = parsed(content(folder, ENVELOPE), ENVELOPE)
     signatures = envelope.get("signatures")
     if envelope.get("payloadType") != PAYLOAD_TYPE or not isinstance(signatures, list):
-        raise Refused("seal.dsse.json is no DSSE envelope around an in-toto statement")
-    payload = from_base64(envelope.get("payload"), "the payload of seal.dsse.json")
+        raise Refused(f"{ENVELOPE} is no DSSE envelope around an in-toto statement")
+    payload = from_base64(envelope.get("payload"), f"the payload of {ENVELOPE}")
     message = f"DSSEv1 {len(PAYLOAD_TYPE)} {PAYLOAD_TYPE} {len(payload)} ".encode() + payload
-    if not any(is_signature(public, message, from_base64(one.get("sig"), "a signature")) for one in signatures[:16] if isinstance(one, dict)):
-        raise Refused("it is not signed by that key")
-    statement = parsed(payload, "what is signed")
+    if not any(is_signature(public, message, from_base64(one.get("sig"), f"a signature of {ENVELOPE}")) for one in signatures[:16] if isinstance(one, dict)):
+        raise Refused(f"{ENVELOPE} is not signed by that key")
+    statement = parsed(payload, f"what {ENVELOPE} signs")
     subjects = statement.get("subject")
-    if statement.get("_type") != STATEMENT_TYPE or statement.get("predicateType") != PREDICATE_TYPE or not isinstance(subjects, list):
-        raise Refused("what is signed is no statement about a seal")
-    for subject in subjects:
-        name = subject.get("name") if isinstance(subject, dict) else None
-        if not isinstance(name, str) or not may_be_subject(name):
-            raise Refused("the signed statement names a file that is no part of a seal")
-        if subject.get("digest") != {"sha256": file_hash(folder, name)}:
+    if (statement.get("_type"), statement.get("predicateType")) != STATEMENT_TYPES or not isinstance(subjects, list):
+        raise Refused(f"what {ENVELOPE} signs is no statement about a seal")
+    named = {one["name"]: one["digest"] for one in subjects}
+    if SEAL not in named or not all(name == SEAL or lies_in("postmortems", name) for name in named):
+        raise Refused(f"what {ENVELOPE} signs does not name {SEAL}, or names what a seal does not cover")
+    for name, digest in named.items():
+        if digest != {"sha256": file_hash(folder, name)}:
             raise Refused(f"{name} is not the file that was signed")
-    if all(subject["name"] != "seal.json" for subject in subjects):
-        raise Refused("the signed statement does not name seal.json")
     return key_id
+
+
+def check_time(folder):
+    """Whether a time stamp (RFC 3161) lies beside the envelope. Raises Refused where it does not name the envelope's SHA-256."""
+    if not (folder / STAMP).exists():
+        return False
+    digest, response = hashlib.sha256(content(folder, ENVELOPE)).digest(), content(folder, STAMP)
+    if not any(bytes.fromhex(head) + digest in response for head in IMPRINTS):
+        raise Refused(f"{STAMP} does not stamp {ENVELOPE}")
+    return True
 
 
 def main(words):
@@ -293,13 +284,15 @@ def main(words):
         return 64
     folder = pathlib.Path(words[0])
     try:
+        # The signature first: where the seal itself was edited, it says so, and not that the files were.
+        signed = f"signed by {check_signature(folder, pathlib.Path(words[2]))}" if len(words) == 3 else "no signature was checked"
+        signed += f"; {STAMP} stamps it: by whom and when says openssl ts -verify" if len(words) == 3 and check_time(folder) else ""
         is_run = (folder / "ticks.mcap").exists()
         name, count = check_run(folder) if is_run else (check_seal(folder), check_rows(folder))
-        key_id = check_signature(folder, pathlib.Path(words[2])) if len(words) == 3 else None
     except (Refused, OSError, ValueError, OverflowError, AttributeError, KeyError, TypeError) as refusal:
-        print(f"{folder}: {refusal}")
+        print(f"{folder}: " + (str(refusal) if isinstance(refusal, (Refused, OSError)) else f"a file of it is not as Takt writes it: {refusal!r}"))
         return 1
-    print(f"{name}: {count} {'segments' if is_run else 'rows'}, every file is the one that was sealed; " + (f"signed by {key_id}" if key_id else "no signature was checked"))
+    print(f"{name}: {count} {'segments' if is_run else 'rows'}, every file is the one that was sealed; {signed}")
     return 0
 
 

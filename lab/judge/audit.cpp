@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
 #include <map>
 #include <set>
 
@@ -15,6 +16,7 @@
 #include "lab/artifact/seal.hpp"
 #include "lab/judge/post_mortem.hpp"
 #include "monitor/record/bounded_file.hpp"
+#include "monitor/record/run_manifest.hpp"
 
 namespace takt::panel {
 namespace {
@@ -220,6 +222,13 @@ AuditItem kept_inputs(const Artifact& artifact) {
   return item;
 }
 
+AuditItem registration(const Artifact& artifact) {
+  const bool is_kept = std::filesystem::exists(artifact.folder.registration());
+  return {.name = "registration",
+          .answer = is_kept ? "kept: --registered-by says whose, and what ran otherwise" : "none",
+          .missing = {}};
+}
+
 AuditItem fault_verdicts(const Artifact& artifact) {
   AuditItem item{.name = "fault verdicts", .answer = {}, .missing = {}};
   for (const auto& [method, confusion] : confusions_of(artifact.rows)) {
@@ -278,27 +287,61 @@ AuditItem post_mortems(const Artifact& artifact) {
   return item;
 }
 
+using Registration = std::expected<Registered, std::string>;
+
+std::string registered_lines(const Registration& registered) {
+  if (!registered) return fmt::format("{:<20}differs: {}\n", "registered", registered.error());
+  std::string text = fmt::format("{:<20}{} by {}; the first row is not older than {}\n", "registered",
+                                 monitor::utc_text(registered->unix_ns),
+                                 registered->stamped_by.empty() ? "the signer's clock" : registered->stamped_by,
+                                 monitor::utc_text(registered->first_row_unix_ns));
+  if (!registered->comparison.empty()) text += fmt::format("{:<20}to decide: {}\n", "", registered->comparison);
+  if (!registered->is_older()) text += fmt::format("{:<20}differs: the panel had begun\n", "");
+  for (const std::string& one : registered->differences) text += fmt::format("{:<20}differs: {}\n", "", one);
+  return text;
+}
+
+std::string registered_rests(const Registration& registered) {
+  if (!registered) return "not registered by that key";
+  if (!registered->is_older()) return "registered after the panel began";
+  if (!registered->differences.empty()) return "registered otherwise than it ran";
+  return "registered by " + registered->key;
+}
+
+nlohmann::ordered_json registered_json(const Registration& registered) {
+  if (!registered) return {{"refusal", registered.error()}};
+  return {{"key", registered->key},
+          {"utc", monitor::utc_text(registered->unix_ns)},
+          {"stamped_by", registered->stamped_by},
+          {"first_row_utc", monitor::utc_text(registered->first_row_unix_ns)},
+          {"older", registered->is_older()},
+          {"comparison", registered->comparison},
+          {"differences", registered->differences}};
+}
+
 }  // namespace
 
 bool Audit::is_consistent() const {
   return std::ranges::all_of(items, [](const AuditItem& item) { return item.missing.empty(); }) &&
-         (!recomputed || recomputed->differences.empty()) && (!signed_by || signed_by->has_value());
+         (!recomputed || recomputed->differences.empty()) && vouching.holds() &&
+         (!registered || (registered->has_value() && (*registered)->holds()));
 }
 
 bool Audit::is_ready() const {
-  return is_consistent() && ((recomputed && recomputed->rows > 0) || signed_by);
+  return is_consistent() && ((recomputed && recomputed->rows > 0) || vouching.is_signed() || registered);
 }
 
 Audit audit(const Artifact& artifact, const Promise& promise) {
-  return {
-      .artifact_id = artifact.manifest.artifact_id,
-      .items = {metric_contract(artifact, promise), perturbation_panel(artifact, promise),
-                monitor_state(artifact, promise), artifact_id(artifact), run_folders(artifact), kept_inputs(artifact),
-                fault_verdicts(artifact), claim("conceptual", artifact, promise, &Claims::conceptual),
-                claim("systems", artifact, promise, &Claims::systems),
-                claim("evidence", artifact, promise, &Claims::evidence), post_mortems(artifact)},
-      .recomputed = {},
-      .signed_by = {}};
+  return {.artifact_id = artifact.manifest.artifact_id,
+          .items = {metric_contract(artifact, promise), perturbation_panel(artifact, promise),
+                    monitor_state(artifact, promise), artifact_id(artifact), run_folders(artifact),
+                    kept_inputs(artifact), registration(artifact), fault_verdicts(artifact),
+                    claim("conceptual", artifact, promise, &Claims::conceptual),
+                    claim("systems", artifact, promise, &Claims::systems),
+                    claim("evidence", artifact, promise, &Claims::evidence), post_mortems(artifact)},
+          .recomputed = {},
+          .vouching = {},
+          .registered = {}};
 }
 
 std::string audit_text(const Audit& audit) {
@@ -323,15 +366,16 @@ std::string audit_text(const Audit& audit) {
   } else {
     rests += "; no row computed anew";
   }
-  if (audit.signed_by && *audit.signed_by) rests += "; signed by " + **audit.signed_by;
-  if (audit.signed_by && !*audit.signed_by) {
-    rests += "; not signed by that key";
-    text += fmt::format("{:<20}differs: {}\n", "signature", audit.signed_by->error());
+  text += vouching_lines(audit.vouching);
+  if (audit.vouching.signed_by) rests += "; " + vouching_rests(audit.vouching);
+  if (audit.registered) {
+    text += registered_lines(*audit.registered);
+    rests += "; " + registered_rests(*audit.registered);
   }
   text += fmt::format("{:<20}{}\n", "rests on", rests);
   if (audit.is_ready()) return text + "audit-ready\n";
   if (audit.is_consistent())
-    return text + "consistent: nothing is missing; --recompute or --signed-by makes it audit-ready\n";
+    return text + "consistent: nothing is missing; --recompute, --signed-by or --registered-by makes it audit-ready\n";
   return text + "not audit-ready\n";
 }
 
@@ -356,14 +400,13 @@ nlohmann::ordered_json to_json(const Audit& audit) {
                               {"consistent", audit.is_consistent()},
                               {"audit_ready", audit.is_ready()},
                               {"recomputed", nullptr},
-                              {"signed_by", nullptr},
                               {"items", nlohmann::ordered_json::array()}};
   if (audit.recomputed)
     json["recomputed"] = {
         {"rows", audit.recomputed->rows}, {"of", audit.recomputed->of}, {"differences", audit.recomputed->differences}};
-  if (audit.signed_by)
-    json["signed_by"] = *audit.signed_by ? nlohmann::ordered_json{{"key", **audit.signed_by}}
-                                         : nlohmann::ordered_json{{"refusal", audit.signed_by->error()}};
+  add_vouching(audit.vouching, json);
+  json["registered"] = nullptr;
+  if (audit.registered) json["registered"] = registered_json(*audit.registered);
   for (const AuditItem& item : audit.items) {
     json["items"].push_back({{"name", item.name}, {"answer", item.answer}, {"missing", item.missing}});
   }

@@ -3,7 +3,7 @@
 // file says, whose hash the rows carry; the manifest is held against it. Names the metric contract, the perturbation
 // panel, the monitor state, the artifact id, the fault verdicts and the three claims, and lists what is missing; a
 // failed rollout without a completed post-mortem is. Consistent is what the artifact can show by itself; audit-ready is
-// one of which rows were computed anew, or that is signed by a key that the reader names.
+// one of which rows were computed anew, or that is signed or registered by a key that the reader names.
 #pragma once
 
 #include <compare>
@@ -17,6 +17,7 @@
 
 #include "evidence/attestation/attestation.hpp"
 #include "lab/artifact/artifact.hpp"
+#include "lab/judge/vouching.hpp"
 
 namespace takt::panel {
 
@@ -34,15 +35,28 @@ struct Recomputed {
   std::vector<std::string> differences;
 };
 
+// What was registered before the panel ran (lab/panel/registration.hpp), by the key that the reader named.
+struct Registered {
+  std::string key;                       // its id
+  std::int64_t unix_ns = 0;              // when: by an authority that the reader named, or by the signer's clock
+  std::string stamped_by;                // that authority; empty: the signer's clock
+  std::int64_t first_row_unix_ns = 0;    // no row is older
+  std::string comparison;                // that was to decide; empty: none
+  std::vector<std::string> differences;  // sentences: what ran otherwise
+  [[nodiscard]] bool is_older() const { return unix_ns <= first_row_unix_ns; }
+  [[nodiscard]] bool holds() const { return is_older() && differences.empty(); }
+};
+
 struct Audit {
   std::string artifact_id;  // empty: unfinished
   std::vector<AuditItem> items;
   std::optional<Recomputed> recomputed;  // none: nothing was computed anew
-  // Id of the key that the reader named, where it signed this; else why not. None: no key was named.
-  std::optional<std::expected<std::string, std::string>> signed_by;
+  Vouching vouching;
+  // Else why not. None: no key was named.
+  std::optional<std::expected<Registered, std::string>> registered;
   // Nothing is missing and nothing contradicts itself. A forger who recomputes every hash gets here.
   [[nodiscard]] bool is_consistent() const;
-  // And rows drawn at random came out the same, or the named key signed it.
+  // And rows drawn at random came out the same, or the named key signed or registered it.
   [[nodiscard]] bool is_ready() const;
 };
 

@@ -6,19 +6,18 @@
 namespace takt::panel {
 
 bool RunAudit::is_consistent() const {
-  return seal && seal->closed && seal->altered.empty() && replay && replay->reproduces() &&
-         (!signed_by || signed_by->has_value());
+  return seal && seal->closed && seal->altered.empty() && replay && replay->reproduces() && vouching.holds();
 }
 
 bool RunAudit::is_ready() const {
-  return is_consistent() && signed_by;
+  return is_consistent() && vouching.is_signed();
 }
 
 RunAudit audit_run(const monitor::RecordedRun& run) {
   return {.run_id = run.manifest.run_id,
           .seal = monitor::check_run_seal(run.folder),
           .replay = monitor::replay(run, 0),
-          .signed_by = {}};
+          .vouching = {}};
 }
 
 std::string audit_text(const RunAudit& audit) {
@@ -45,14 +44,8 @@ std::string audit_text(const RunAudit& audit) {
     line("replay", said.substr(0, said.find('\n')));
     also(audit.replay->reproduces() ? "replayed" : "does not reproduce");
   }
-  if (!audit.signed_by) {
-    also("no signature was checked");
-  } else if (*audit.signed_by) {
-    also("signed by " + **audit.signed_by);
-  } else {
-    line("signature", "differs: " + audit.signed_by->error());
-    also("not signed by that key");
-  }
+  text += vouching_lines(audit.vouching);
+  also(audit.vouching.signed_by ? vouching_rests(audit.vouching) : "no signature was checked");
   line("rests on", rests);
   if (audit.is_ready()) return text + "audit-ready\n";
   return text + (audit.is_consistent() ? "consistent: --signed-by makes it audit-ready\n" : "not audit-ready\n");
@@ -64,8 +57,7 @@ nlohmann::ordered_json to_json(const RunAudit& audit) {
                               {"consistent", audit.is_consistent()},
                               {"audit_ready", audit.is_ready()},
                               {"seal", nullptr},
-                              {"replay", nullptr},
-                              {"signed_by", nullptr}};
+                              {"replay", nullptr}};
   if (audit.seal)
     json["seal"] = {{"closed", audit.seal->closed},
                     {"files", audit.seal->files},
@@ -73,9 +65,7 @@ nlohmann::ordered_json to_json(const RunAudit& audit) {
                     {"events_behind", audit.seal->events_behind},
                     {"altered", audit.seal->altered}};
   if (audit.replay) json["replay"] = monitor::to_json(*audit.replay);
-  if (audit.signed_by)
-    json["signed_by"] = *audit.signed_by ? nlohmann::ordered_json{{"key", **audit.signed_by}}
-                                         : nlohmann::ordered_json{{"refusal", audit.signed_by->error()}};
+  add_vouching(audit.vouching, json);
   return json;
 }
 

@@ -5,10 +5,10 @@
 
 #include <expected>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <string>
 
 #include "evidence/review/replay.hpp"
+#include "lab/judge/vouching.hpp"
 #include "monitor/record/recorded_run.hpp"
 #include "monitor/record/run_seal.hpp"
 
@@ -20,8 +20,7 @@ struct RunAudit {
   std::string run_id;
   std::expected<monitor::CheckedSeal, std::string> seal;
   std::expected<monitor::ReplayReport, std::string> replay;
-  // Id of the key that the reader named, where it signed this; else why not. None: no key was named.
-  std::optional<std::expected<std::string, std::string>> signed_by;
+  Vouching vouching;
   // Sealed to its end, no file altered, and every judged tick reproduces. A forger who edits every file gets here.
   [[nodiscard]] bool is_consistent() const;
   // And the named key signed it.

@@ -245,15 +245,19 @@ Perturbation PanelPerturbation::resolved() const {
 std::expected<Panel, std::string> load_panel(const std::string& path) {
   const auto text = config::read_file(path);
   if (!text) return std::unexpected(text.error());
+  return panel_of(*text, path);
+}
+
+std::expected<Panel, std::string> panel_of(const std::string& text, const std::string& path) {
   config::Problems problems(path);
-  const config::Node root = config::read_document(*text, config::Tags::refuse, problems);
+  const config::Node root = config::read_document(text, config::Tags::refuse, problems);
   if (problems.empty() && root.kind != config::Node::Kind::map)
     problems.add(root.place, "holds no panel; begin with `schema: takt.panel/1`");
   if (!problems.empty()) return std::unexpected(problems.text());
   Panel panel;
   panel.file = path;
-  panel.text = *text;
-  panel.sha256 = config::sha256_hex(*text);
+  panel.text = text;
+  panel.sha256 = config::sha256_hex(text);
   config::Places places;
   config::Reader reader(root, "", problems, places);
   describe(reader, panel);

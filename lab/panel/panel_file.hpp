@@ -76,5 +76,7 @@ struct Panel {
 };
 
 std::expected<Panel, std::string> load_panel(const std::string& path);
+// Of its text: as if it lay at `path`.
+std::expected<Panel, std::string> panel_of(const std::string& text, const std::string& path);
 
 }  // namespace takt::panel

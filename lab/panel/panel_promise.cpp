@@ -4,6 +4,7 @@
 #include <cmath>
 #include <span>
 
+#include "config/document.hpp"
 #include "config/units.hpp"
 #include "lab/panel/panel_file.hpp"
 
@@ -35,19 +36,25 @@ PanelPromise::Configuration configuration_of(const PanelMethod& method) {
 }  // namespace
 
 std::expected<PanelPromise, std::string> panel_promise(const std::string& path) {
-  const auto panel = load_panel(path);
+  const auto text = config::read_file(path);
+  if (!text) return std::unexpected(text.error());
+  return panel_promise_of(*text, path);
+}
+
+std::expected<PanelPromise, std::string> panel_promise_of(const std::string& text, const std::string& name) {
+  const auto panel = panel_of(text, name);
   if (!panel) return std::unexpected(panel.error().substr(0, panel.error().find('\n')));
   PanelPromise promise{.claims = panel->claims, .methods = {}, .conditions = {}, .outcomes = {}, .contracts = {}};
   for (const PanelMethod& method : panel->methods) promise.methods[method.name] = configuration_of(method);
   for (const PanelTask& task : panel->tasks) {
-    const std::string name(kTaskNames[static_cast<std::size_t>(task.task)]);
-    PanelPromise::Outcome& outcome = promise.outcomes[name];
+    const std::string task_name(kTaskNames[static_cast<std::size_t>(task.task)]);
+    PanelPromise::Outcome& outcome = promise.outcomes[task_name];
     outcome.duration_s = panel->duration.seconds();
     if (task.task != Task::world) outcome.bound_m = task.bound_m;
     for (const PanelPerturbation& one : panel->perturbations)
-      if (one.troubles(task.task)) promise.conditions.push_back({name, one.name(), one.dose});
+      if (one.troubles(task.task)) promise.conditions.push_back({task_name, one.name(), one.dose});
     for (const PanelMethod& method : panel->methods) {
-      PanelPromise::Contract& contract = promise.contracts[{method.name, name}];
+      PanelPromise::Contract& contract = promise.contracts[{method.name, task_name}];
       take(task.overrides, contract);
       take(method.overrides, contract);
       if (const auto own = own_max_age(method.method)) contract.max_age_ms = own->milliseconds();

@@ -1,13 +1,20 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Goal: a stranger finds every edit of a signed artifact or run folder with lab/artifact/verify_seal.py and the signer's key, and
-OpenSSL reads what `takt seal` writes. Method: a small panel in virtual time and a recorded run of the virtual robot, both signed; their
-signatures judged by the verifier, by `takt audit`, and by `openssl pkeyutl`, which knows nothing of either; then random flips, cuts, swaps
-and insertions in their files, each of which the verifier must refuse. Its Ed25519 is held against the 151 vectors of ../shared/suites.
-Usage: verify_seal_test.py SOURCE_DIR BIN_DIR MAKE_RECORDED_DEMO [EDITS]     EDITS of each: 1000 unless said
+"""Goal: a stranger finds every edit of a signed artifact or run folder with lab/artifact/verify_seal.py and the signer's key, and is told
+where it is; OpenSSL reads what `takt seal` writes. Method: a small panel in virtual time and 35 recorded seconds of the virtual robot, both
+signed; their signatures judged by the verifier, by `takt audit`, and by `openssl pkeyutl`, which knows nothing of either; then random flips,
+cuts, swaps and insertions in their files, each of which the verifier must refuse by the name of the file and, where it grew with time, by the
+ten seconds that hold its first altered byte. Its Ed25519 is held against the 151 vectors of ../shared/suites. Then an authority of the test's
+own, `openssl ts`, stamps the signatures: the time is said, and what stamps something else, or is stamped by another, is refused.
+Usage: verify_seal_test.py SOURCE_DIR BIN_DIR MAKE_RECORDED_DEMO [--count EDITS]     of each folder; 300 unless said
+10,000 of a run folder: python3 tests/lab/verify_seal_test.py . build/release/bin build/release/bin/make_recorded_demo --count 10000
 Exit codes: 0 fine, 1 not, 77 the vectors are not there (1 with TAKT_REQUIRE_SHARED=1).
 """
 import base64
+import collections
+import contextlib
+import datetime
+import io
 import json
 import os
 import pathlib
@@ -20,7 +27,8 @@ import tempfile
 from evidence_forgeries_test import PANEL
 
 SOURCE, PROGRAMS = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
-EDITS = int(sys.argv[4]) if len(sys.argv) > 4 else 1000
+EDITS = int(sys.argv[5]) if sys.argv[4:5] == ["--count"] else 300
+RUN_SECONDS = 35
 VERIFIER = SOURCE / "lab/artifact/verify_seal.py"
 sys.path.insert(0, str(VERIFIER.parent))
 sys.dont_write_bytecode = True
@@ -71,65 +79,96 @@ def check_by_openssl(made, folder, public):
 
 
 def edited(data, dice):
-    """The bytes after one edit that changes them."""
+    """The kind of one edit that changes the bytes, and the bytes after it."""
     while True:
-        at, kind, out = dice.randrange(len(data)), dice.randrange(4), bytearray(data)
-        if kind == 0:
+        at, kind, out = dice.randrange(len(data)), dice.choice(("flip", "cut", "swap", "insertion")), bytearray(data)
+        size = dice.randrange(1, 64)
+        if kind == "flip":
             out[at] ^= 1 << dice.randrange(8)
-        elif kind == 1:
-            del out[at:at + dice.randrange(1, 64)]
-        elif kind == 2:
-            other = dice.randrange(len(data))
-            out[at], out[other] = out[other], out[at]
+        elif kind == "cut":
+            del out[at:at + size]
+        elif kind == "swap":
+            size = dice.randrange(1, 1 + min(64, len(data) // 2))
+            at, other = sorted((dice.randrange(len(data) - size + 1), dice.randrange(len(data) - size + 1)))
+            if other - at >= size:
+                out[at:at + size], out[other:other + size] = data[other:other + size], data[at:at + size]
         else:
-            out[at:at] = dice.randbytes(dice.randrange(1, 16))
+            out[at:at] = dice.randbytes(size)
         if out != data:
-            return bytes(out)
+            return kind, bytes(out)
 
 
-def is_found(folder, public):
-    try:
-        if (folder / "rollouts.jsonl").exists():
-            verifier.check_seal(folder)
-            verifier.check_rows(folder)
-        else:
-            verifier.check_run(folder)
-        verifier.check_signature(folder, public)
-    except verifier.Refused:
-        return True
-    return False
+def refusal_of(folder, public):
+    """What the verifier says; empty: it passes."""
+    done = io.StringIO()
+    with contextlib.redirect_stdout(done):
+        code = verifier.main([str(folder), "--key", str(public)])
+    return done.getvalue().removeprefix(f"{folder}: ").strip() if code == 1 else ""
 
 
-def same_json(name, data, before):
-    """White space of the envelope means nothing, and neither does what it says about the key: both are outside the signature."""
+def is_covered(name, after, before, segments):
+    """Whether the signature covers what was edited. In the envelope white space means nothing, and the key's id is a hint; behind what
+    events.jsonl held when the run was closed its writer may say more."""
+    if name == "events.jsonl":
+        return not after.startswith(before[:sum(one["bytes"] for one in segments[name])])
     if name != "seal.dsse.json":
-        return False
+        return True
     try:
-        a, b = json.loads(data), json.loads(before)
-        return (a["payloadType"], a["payload"], [one["sig"] for one in a["signatures"]]) == (b["payloadType"], b["payload"], [one["sig"] for one in b["signatures"]])
+        a, b = json.loads(after), json.loads(before)
+        return (a["payloadType"], a["payload"], [one["sig"] for one in a["signatures"]]) != (b["payloadType"], b["payload"], [one["sig"] for one in b["signatures"]])
     except (ValueError, KeyError, TypeError):
-        return False
+        return True
+
+
+def first_difference(a, b):
+    """Of two byte strings that differ; where one goes on as the other, the length of the shorter."""
+    begin, end = 0, min(len(a), len(b))
+    if a[:end] == b[:end]:
+        return end
+    while end - begin > 1:
+        middle = (begin + end) // 2
+        begin, end = (middle, end) if a[begin:middle] == b[begin:middle] else (begin, middle)
+    return begin
+
+
+def place_of(name, after, before, segments):
+    """How a refusal has to begin."""
+    if name not in segments:
+        return {"seal.json": "seal.json is not the file that was signed", "seal.dsse.json": ("seal.dsse.json", "what seal.dsse.json", "the payload of seal.dsse.json",
+                "a signature of seal.dsse.json")}.get(name, f"{name} is not the file that was ")
+    first, since, begin = first_difference(after, before), "its beginning", 0
+    for one in segments[name]:
+        until = datetime.datetime.fromtimestamp(one["until_unix_ns"] // 10**9, datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
+        if first < begin + one["bytes"]:
+            return f"{name} is not as it was recorded from {since} to {until} (from byte {begin} on)"
+        since, begin = until, begin + one["bytes"]
+    return f"{name} has {len(after) - begin} bytes that were not recorded"
 
 
 def check_edits(folder, public):
-    dice, passed, harmless = random.Random(20261127), [], 0
+    dice, wrong, found, uncovered = random.Random(20261127), [], collections.Counter(), 0
     sealed = json.loads((folder / "seal.json").read_text())
-    names = {*sealed["files"], *sealed.get("segments", ()), "seal.json", "seal.dsse.json"}
+    segments = sealed.get("segments", {})
+    names = {*sealed["files"], *segments, "seal.json", "seal.dsse.json"}
     files = sorted(file for file in folder.rglob("*") if str(file.relative_to(folder)) in names or file.parent.name == "postmortems")
-    for number in range(EDITS):
+    while sum(found.values()) + len(wrong) < EDITS:
         file = dice.choice(files)
-        before = file.read_bytes()
-        after = edited(before, dice)
-        if same_json(file.name, after, before):
-            harmless += 1
+        name, before = str(file.relative_to(folder)), file.read_bytes()
+        kind, after = edited(before, dice)
+        if not is_covered(name, after, before, segments):
+            uncovered += 1
             continue
         file.write_bytes(after)
-        if not is_found(folder, public):
-            passed.append(f"edit {number} of {file.relative_to(folder)}")
+        refusal = refusal_of(folder, public)
+        if refusal.startswith(place_of(name, after, before, segments)):
+            found[kind] += 1
+        else:
+            wrong.append(f"{kind} in {name}: '{refusal}', and not '{place_of(name, after, before, segments)}'")
         file.write_bytes(before)
-    print(f"{folder.name}: {EDITS} edits: {EDITS - harmless - len(passed)} found, {harmless} changed only what the signature does not cover, {len(passed)} passed {passed[:5]}")
-    if passed:
-        raise SystemExit("edits pass")
+    print(f"{folder.name}: {sum(found.values())} of {EDITS} edits found and located ({', '.join(f'{kind} {count}' for kind, count in sorted(found.items()))}) in {len(files)} files "
+          f"of {sum(map(len, segments.values()))} segments; {uncovered} more changed what the signature does not cover")
+    if wrong or refusal_of(folder, public):
+        raise SystemExit("\n".join(wrong[:10]) or "the honest folder does not pass")
 
 
 def check_signatures(made, folder, keys, result):
@@ -149,6 +188,78 @@ def check_signatures(made, folder, keys, result):
     assert said == result, said
 
 
+AUTHORITY = """[tsa]
+serial = {made}/serial
+default_policy = 1.2.3.4.1
+digests = sha256, sha512
+signer_digest = sha256
+ess_cert_id_alg = sha256
+"""
+
+
+def authority(made, name):
+    """A root's certificate, and a function from a file and words for the query to the response's path."""
+    root, signer, settings = made / f"{name}-root", made / f"{name}-signer", made / f"{name}.cnf"
+    settings.write_text(AUTHORITY.format(made=made))
+    (made / "purpose").write_text("extendedKeyUsage = critical, timeStamping\n")
+    key = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes")
+    call("openssl", "req", "-x509", *key, "-keyout", f"{root}.key", "-out", f"{root}.pem", "-subj", f"/CN={name} root")
+    call("openssl", "req", "-new", *key, "-keyout", f"{signer}.key", "-out", f"{signer}.csr", "-subj", f"/O=Takt/CN={name} clock")
+    call("openssl", "x509", "-req", "-in", f"{signer}.csr", "-CA", f"{root}.pem", "-CAkey", f"{root}.key", "-CAcreateserial", "-extfile", made / "purpose",
+         "-out", f"{signer}.pem")
+
+    def stamp(file, *words):
+        call("openssl", "ts", "-query", "-data", file, *(words or ("-sha256", "-cert")), "-out", made / "query")
+        call("openssl", "ts", "-reply", "-config", settings, "-section", "tsa", "-queryfile", made / "query", "-inkey", f"{signer}.key", "-signer", f"{signer}.pem",
+             "-out", made / "response.tsr")
+        return made / "response.tsr"
+
+    return f"{root}.pem", stamp
+
+
+# Threat: signed-later
+def check_time(made, folder, keys):
+    """A signature's time: said by whom it is from, and believed from nobody else."""
+    takt, public, (root, stamp), (another_root, _) = PROGRAMS / "takt", keys[0][1], authority(made, "trusted"), authority(made, "another")
+    audit = (takt, "audit", folder, "--signed-by", public, "--time-by")
+    code = 0 if "PASSED" in base64.b64decode(json.loads((folder / "seal.dsse.json").read_text())["payload"]).decode() else 1
+    assert "cannot read" in call(*audit, root, expect=1), "there is no stamp yet"
+    refused = "it stamps other bytes than seal.dsse.json"
+    for file, words, sentence in ((folder / "seal.json", (), refused), (folder / "seal.dsse.json", ("-sha512", "-cert"), refused),
+                                  (folder / "seal.dsse.json", ("-sha256",), "it holds no certificate of its signer")):
+        assert sentence in call(takt, "seal", folder, "--time", stamp(file, *words), expect=1), sentence
+    response = stamp(folder / "seal.dsse.json").read_bytes()
+    call("openssl", "ts", "-reply", "-in", made / "response.tsr", "-token_out", "-out", made / "token")
+    (made / "longer").write_bytes(response + b"0")
+    for file in (made / "token", made / "longer", made / "query", public):
+        assert "it is no granted response of RFC 3161" in call(takt, "seal", folder, "--time", file, expect=1), file
+    assert not (folder / "seal.tsr").exists()
+
+    said = call(takt, "seal", folder, "--time", made / "response.tsr")
+    assert "by CN=trusted clock,O=Takt; takt audit --time-by checks who that is" in said, said
+    said = call(*audit, root, expect=code)
+    year = datetime.datetime.now(datetime.timezone.utc).year
+    assert f", stamped {year}-" in said and "Z by CN=trusted clock,O=Takt\n" in said, said
+    stamped = json.loads(call(*audit, root, "--json", expect=code))["stamped"]
+    assert stamped["by"] == "CN=trusted clock,O=Takt" and stamped["utc"].startswith(f"{year}-"), stamped
+    call("openssl", "ts", "-verify", "-in", folder / "seal.tsr", "-data", folder / "seal.dsse.json", "-CAfile", root)
+    assert "; seal.tsr stamps it: by whom and when says openssl ts -verify" in call(VERIFIER, folder, "--key", public)
+
+    assert "it is not stamped by that authority" in call(*audit, another_root, expect=1)
+    assert "it holds no certificate in PEM form" in call(*audit, public, expect=1)
+    turned = bytearray(response)
+    turned[-9] ^= 1
+    (folder / "seal.tsr").write_bytes(turned)
+    assert "it is not stamped by that authority" in call(*audit, root, expect=1), "a byte of its signature"
+    (folder / "seal.tsr").write_bytes(stamp(folder / "seal.json").read_bytes())
+    assert refused in call(*audit, root, expect=1)
+    assert "seal.tsr does not stamp seal.dsse.json" in call(VERIFIER, folder, "--key", public, expect=1)
+    (folder / "seal.tsr").write_bytes(response)
+    assert "seal.tsr stamped another signature" not in call(takt, "seal", folder, "--key", keys[0][0]), "the same signature"
+    assert "seal.tsr stamped another signature and is removed" in call(takt, "seal", folder, "--key", keys[1][0])
+    assert not (folder / "seal.tsr").exists()
+
+
 def check_artifact(made, keys):
     panel, folder = made / "panel.yaml", made / "artifact"
     panel.write_text(PANEL.replace("SEEDS", "3").replace("config/arm6.yaml", str(SOURCE / "config/arm6.yaml")))
@@ -164,11 +275,12 @@ def check_artifact(made, keys):
             assert f"postmortems/{file.name} is not the file that was signed" in call(*words, expect=code)
     check_edits(folder, public)
     call(VERIFIER, folder, "--key", public)
+    check_time(made, folder, keys)
 
 
 def check_run(made, keys, make_recorded_demo):
-    call(make_recorded_demo, made / "demo")
-    folder = next(path.parent for path in [made / "demo", *(made / "demo").iterdir()] for path in [path / "seal.json"] if path.exists())
+    folder = made / "run"
+    call(make_recorded_demo, folder, RUN_SECONDS)
     takt, public = PROGRAMS / "takt", keys[0][1]
     assert "consistent: --signed-by makes it audit-ready" in call(takt, "audit", folder)
     check_signatures(made, folder, keys, "PASSED")
@@ -181,6 +293,7 @@ def check_run(made, keys, make_recorded_demo):
     (folder / "can.log.zst").write_bytes(frames)
     check_edits(folder, public)
     call(VERIFIER, folder, "--key", public)
+    check_time(made, folder, keys)
 
 
 # Threat: run-edited

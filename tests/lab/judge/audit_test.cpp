@@ -79,7 +79,7 @@ TEST_F(AuditTest, AWholeArtifactIsReadyAndAnswersByName) {
   EXPECT_FALSE(result.is_ready()) << "a forger who recomputes every hash gets here";
   EXPECT_TRUE(audit_text(result).ends_with(
       "rests on            consistent; no row computed anew\n"
-      "consistent: nothing is missing; --recompute or --signed-by makes it audit-ready\n"));
+      "consistent: nothing is missing; --recompute, --signed-by or --registered-by makes it audit-ready\n"));
   result.recomputed = Recomputed{.rows = 1, .of = 2, .differences = {}};
   const std::string id = artifact.manifest.artifact_id;
   EXPECT_EQ(audit_text(result),
@@ -91,6 +91,7 @@ TEST_F(AuditTest, AWholeArtifactIsReadyAndAnswersByName) {
                 "\n"
                 "run folders         none was kept\n"
                 "inputs              none kept: --recompute needs --panel\n"
+                "registration        none\n"
                 "fault verdicts      the panel plants no cause that the classifier names\n"
                 "conceptual claim    late actions destabilise\n"
                 "systems claim       how stale chunks are refused\n"
@@ -109,16 +110,49 @@ TEST_F(AuditTest, AWholeArtifactIsReadyAndAnswersByName) {
 
 TEST_F(AuditTest, AKeyThatTheReaderNamesMakesItReady) {
   Audit result = judged(whole());
-  result.signed_by = "3f9a2c";
+  result.vouching.signed_by = "3f9a2c";
   EXPECT_TRUE(result.is_ready());
   EXPECT_TRUE(audit_text(result).ends_with("consistent; no row computed anew; signed by 3f9a2c\naudit-ready\n"));
   EXPECT_EQ(to_json(result)["signed_by"]["key"], "3f9a2c");
-  result.signed_by = std::unexpected("it is not signed by that key");
+  result.vouching.signed_by = std::unexpected("it is not signed by that key");
   EXPECT_FALSE(result.is_consistent());
   EXPECT_TRUE(
       audit_text(result).ends_with("signature           differs: it is not signed by that key\n"
                                    "rests on            consistent; no row computed anew; not signed by that key\n"
                                    "not audit-ready\n"));
+}
+
+// A registration makes it ready as well, where it is older than the first row and nothing ran otherwise; it says
+// nothing of the rows.
+TEST_F(AuditTest, ARegistrationThatHoldsMakesItReady) {
+  Audit result = judged(whole());
+  Registered registered{.key = "3f9a2c",
+                        .unix_ns = 1'000'000'000,
+                        .stamped_by = "CN=clock",
+                        .first_row_unix_ns = 2'000'000'000,
+                        .comparison = "b against a, margin 2 %",
+                        .differences = {}};
+  result.registered = registered;
+  EXPECT_TRUE(result.is_ready());
+  EXPECT_TRUE(audit_text(result).ends_with(
+      "registered          1970-01-01T00:00:01.000Z by CN=clock; the first row is not older than "
+      "1970-01-01T00:00:02.000Z\n"
+      "                    to decide: b against a, margin 2 %\n"
+      "rests on            consistent; no row computed anew; registered by 3f9a2c\naudit-ready\n"));
+  EXPECT_EQ(to_json(result)["registered"]["older"], true);
+  registered.differences = {"seeds: seed 1 registered, seed 2 ran"};
+  result.registered = registered;
+  EXPECT_FALSE(result.is_consistent());
+  EXPECT_TRUE(audit_text(result).ends_with(
+      "                    differs: seeds: seed 1 registered, seed 2 ran\n"
+      "rests on            consistent; no row computed anew; registered otherwise than it ran\nnot audit-ready\n"));
+  registered.differences.clear();
+  registered.unix_ns = 3'000'000'000;
+  result.registered = registered;
+  EXPECT_FALSE(result.is_consistent());
+  EXPECT_NE(audit_text(result).find("differs: the panel had begun\n"), std::string::npos);
+  result.registered = std::unexpected("it keeps no registration");
+  EXPECT_FALSE(result.is_ready());
 }
 
 // Goal: whatever is done to a kept recording of a sealed artifact is missing by name. Method: each of its files

@@ -2,8 +2,12 @@
 // make_recorded_demo DIR: a recorded run of the virtual robot, for tests in other languages. Beside it DIR/truth.jsonl
 // as takt-plant would write it: where the rigid-body library sees the tool at the recorded angles, and a target. And
 // two more pages: thin.html of the same run with little room, gap.html of a copy without ticks 2200 to 2699.
+// make_recorded_demo DIR SECONDS: only a run, of that length, with an image and with events beside it.
+#include <charconv>
 #include <cstdio>
+#include <cstring>
 #include <exception>
+#include <filesystem>
 #include <stdexcept>
 
 #include "evidence/review/report/report_html.hpp"
@@ -50,13 +54,35 @@ void write_page_with_gap(const RecordedRun& run, const std::string& path) {
   write_page(torn, *metrics, path, kWholeBytes);
 }
 
+constexpr std::uint64_t kTicksPerSecond = 1'000;
+
+// The policy stalls once in four seconds, so that every ten of them have transitions.
+void record_long(const std::string& directory, std::uint64_t seconds) {
+  VirtualRobot robot;
+  record(robot, directory, seconds * kTicksPerSecond, [&](std::uint64_t tick) {
+    robot.policy_is_frozen = tick % (4 * kTicksPerSecond) >= 3 * kTicksPerSecond;
+    if (tick != 0) return;
+    const RunFolder folder(directory);
+    std::filesystem::create_directories(folder.images());
+    const auto image = replace_file(folder.images() + "/demo.pgm", "P5 2 2 255\n" + std::string("\x10\x20\x30\x40"));
+    const auto events = replace_file(folder.path() + "/events.jsonl", "{\"event\":\"run\",\"monotonic_ns\":1}\n");
+    if (!image || !events) throw std::runtime_error(image ? events.error() : image.error());
+  });
+}
+
 }  // namespace
 }  // namespace takt::monitor
 
 int main(int argc, char** argv) {
   using namespace takt::monitor;
-  if (argc != 2) return 64;
+  std::uint64_t seconds = 0;
+  const bool has_length = argc == 3 && std::from_chars(argv[2], argv[2] + std::strlen(argv[2]), seconds).ptr != argv[2];
+  if (argc != 2 && !has_length) return 64;
   try {
+    if (has_length) {
+      record_long(argv[1], seconds);
+      return 0;
+    }
     const RecordedRun run = record_demo(argv[1]);
     write_truth(run, run.folder.path() + "/truth.jsonl");
     const auto metrics = write_metrics(run);
