@@ -136,10 +136,9 @@ std::vector<panel::PlannedRollout> drawn(const panel::Panel& panel, std::size_t 
 
 std::expected<panel::Recomputed, std::string> recomputed(const panel::Attestation& attestation,
                                                          const AuditOptions& options) {
-  auto panel = panel::load_panel(options.panel);
+  auto panel = panel::attested_panel(attestation);
   if (!panel) return std::unexpected(panel.error());
   panel->robot = options.robot;
-  if (const auto kept = panel::keep_what_is_attested(attestation, *panel); !kept) return std::unexpected(kept.error());
   const auto count = rows_of(options.recompute, panel::plan_of(*panel, {}).size());
   if (!count) return std::unexpected("write a number of rollouts or a share, such as 6 or 25%");
   auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host, options.policy_may});
@@ -152,8 +151,10 @@ int audit_attestation(const AuditOptions& options) {
     return refuse(kExitUsage, fmt::format("{}: {} is an attestation: --json, --draft, --signed-by and --registered-by "
                                           "are for folders",
                                           kCommand, options.directory));
-  if (options.recompute.empty() != options.panel.empty())
-    return refuse(kExitUsage, fmt::format("{}: an attestation names no files: --recompute needs --panel", kCommand));
+  if (options.recompute.empty() != options.robot.empty() || !options.panel.empty())
+    return refuse(kExitUsage, fmt::format("{}: an attestation holds its panel, and no robot: write --recompute with "
+                                          "--robot",
+                                          kCommand));
   const auto text = monitor::read_file(options.directory);
   if (!text) return fail(kCommand, text.error());
   const auto attestation = panel::attestation_of(*text);
@@ -173,6 +174,8 @@ int audit(const AuditOptions& options) {
     return refuse(kExitUsage, fmt::format("{}: --time-by needs --signed-by or --registered-by", kCommand));
   if (std::filesystem::is_regular_file(options.directory)) return audit_attestation(options);
   if (std::filesystem::exists(monitor::RunFolder(options.directory).ticks())) return audit_run(options);
+  if (!options.robot.empty() && options.panel.empty())
+    return refuse(kExitUsage, fmt::format("{}: an artifact keeps its robot files: --robot needs --panel", kCommand));
   const auto artifact = panel::open_artifact(options.directory);
   if (!artifact) return fail(kCommand, artifact.error());
   if (options.draft) {
@@ -214,8 +217,10 @@ void add_audit(CLI::App& app, int& exit_code) {
                                           "with --recompute: the panel file that the artifact was made from;\n"
                                           "default: what the artifact keeps");
   panel->needs(recompute);
-  command->add_option("--robot", options->robot, "with --panel: the robot file that the panel was run with")
-      ->needs(panel);
+  command
+      ->add_option("--robot", options->robot,
+                   "with --recompute of an attestation, or with --panel: the robot file that the panel was run with")
+      ->needs(recompute);
   add_world(*command, options->world)->needs(recompute);
   add_policy_host(*command, options->policy_host)->needs(recompute);
   add_policy_may(*command, options->policy_may)->needs(recompute);

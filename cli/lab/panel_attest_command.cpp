@@ -53,7 +53,7 @@ int attest(const AttestOptions& options) {
     return fail(kCommand, options.directory + ": no task of this panel tells whether a robot fell (base_velocity)");
   const auto robot = robot_of(options, *task, *panel, *method);
   if (!robot) return refuse(config::kExitBadConfiguration, robot.error());
-  const auto made = panel::attest(*artifact, *robot, options.of, *method,
+  const auto made = panel::attest(*artifact, panel->text, *robot, options.of, *method,
                                   {task->base_velocity.least_height, task->base_velocity.most_tilt});
   if (!made) return fail(kCommand, made.error());
   if (const std::string why = panel::shortcoming(*made, *robot, options.of); !why.empty())

@@ -1,17 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 // takt config check | show | keys: what a robot file says, what is wrong with it, and what it may say.
 #include <fmt/format.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "cli/command.hpp"
+#include "cli/hand_over.hpp"
 #include "cli/json_line.hpp"
 #include "cli/robot/plant_check.hpp"
 #include "cli/run/checked_robot.hpp"
 #include "cli/run/policy_check.hpp"
 #include "cli/world_option.hpp"
+#include "config/cautions.hpp"
 #include "config/json_schema.hpp"
 #include "config/key_table.hpp"
 #include "config/load.hpp"
@@ -28,6 +34,7 @@ struct ConfigOptions {
   bool strict = false;        // check: cautions refuse
   std::string policy_host{};  // check: not ours
   std::string world{};        // check: plays the mechanics
+  std::string recompute{};    // check: so many rollouts of each attestation
 };
 
 int refuse_file(const std::string& problems, bool json) {
@@ -66,6 +73,38 @@ std::string contract_sentence(const config::RobotConfig& robot) {
   return sentence;
 }
 
+// The lab's, in a process of its own: `takt audit` of one attestation.
+int audit_of(const std::string& attestation, const ConfigOptions& options) {
+  std::vector<std::string> words{"takt",    "audit",     attestation, "--recompute", options.recompute,
+                                 "--robot", options.file};
+  if (!options.world.empty()) words.insert(words.end(), {"--world", options.world});
+  if (!options.policy_host.empty()) words.insert(words.end(), {"--policy-host", options.policy_host});
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  std::fflush(nullptr);
+  const pid_t child = ::fork();
+  if (child == 0) ::_exit(hand_over(kLabProgram, argv.data()));
+  int status = 0;
+  if (child < 0 || ::waitpid(child, &status, 0) != child || !WIFEXITED(status)) return kExitUnavailable;
+  return WEXITSTATUS(status);
+}
+
+// Of what the robot is to stay on its feet by: rollouts of each attestation that it names come out as they are said to?
+int recompute_shown(const ConfigOptions& options, const config::RobotConfig& robot) {
+  std::set<std::string> attestations;
+  for (const config::Offer& offer : config::offered_as_safe(robot))
+    if (config::is_shown(offer.shown_by)) attestations.insert(offer.shown_by);
+  int worst = kExitOk;
+  for (const std::string& one : attestations) {
+    const int code = audit_of(one, options);
+    if (code == kExitUsage || code == kExitUnavailable) return code;
+    if (code != kExitOk) worst = config::kExitBadConfiguration;
+  }
+  if (attestations.empty()) fmt::print("recompute: the file names no attestation\n");
+  return worst;
+}
+
 int check(const ConfigOptions& options) {
   const auto checked = check_robot_file(options.file);
   if (!checked) return refuse_file(checked.error(), options.json);
@@ -97,7 +136,7 @@ int check(const ConfigOptions& options) {
   for (const std::string& shown : panel::standing_of(robot).shown) fmt::print("shown: {}\n", shown);
   fmt::print("contract: {}\n", contract_sentence(robot));
   for (const std::string& caution : cautions) fmt::print("note: {}\n", caution);
-  return kExitOk;
+  return options.recompute.empty() ? kExitOk : recompute_shown(options, robot);
 }
 
 int show(const ConfigOptions& options) {
@@ -127,17 +166,22 @@ std::shared_ptr<ConfigOptions> add_file_command(CLI::App& parent, int& exit_code
 void add_config(CLI::App& app, int& exit_code) {
   CLI::App* parent = app.add_subcommand("config", "Check, show or import a robot file.");
   parent->require_subcommand(1);
-  const auto checked =
-      add_file_command(*parent, exit_code, "check", "Say what is wrong with a robot file, or that nothing is.",
-                       "Example: takt config check config/arm6.yaml\n"
-                       "Also what takt-policy-host would refuse of an ONNX policy, and takt-plant of `simulation`.\n"
-                       "Exit codes: 0 valid, 65 not (one line per problem: file:line:column: what; how to correct).",
-                       check);
+  const auto checked = add_file_command(
+      *parent, exit_code, "check", "Say what is wrong with a robot file, or that nothing is.",
+      "Example: takt config check config/arm6.yaml\n"
+      "Also what takt-policy-host would refuse of an ONNX policy, and takt-plant of `simulation`.\n"
+      "Exit codes: 0 valid, 65 not (one line per problem: file:line:column: what; how to correct), or\n"
+      "an attestation came out otherwise; 69 --recompute without takt-lab.",
+      check);
   parent->get_subcommand("check")->add_flag("--strict", checked->strict, "refuse a file with notes, too");
   parent->get_subcommand("check")->add_option(
       "--policy-host", checked->policy_host,
       "program that `takt run` will start instead of takt-policy-host: the policy is its own affair");
   add_world(*parent->get_subcommand("check"), checked->world);
+  parent->get_subcommand("check")
+      ->add_option("--recompute", checked->recompute,
+                   "N or P%: of each attestation in shown_by, compute so many rollouts anew (takt-lab), and compare")
+      ->excludes(parent->get_subcommand("check")->get_option("--json"));
   add_file_command(*parent, exit_code, "show", "Print the file with every default written out, in base units.",
                    "Example: takt config show config/arm6.yaml\nExit codes: 0 shown, 65 not valid.", show);
   CLI::App* keys = parent->add_subcommand("keys", "Print the reference of every key, as a Markdown table.");

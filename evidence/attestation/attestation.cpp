@@ -54,6 +54,7 @@ Json without_hash(const Attestation& a) {
     for (const AttestedTrial& trial : condition.trials)
       trials.push_back({{"seed", trial.seed},
                         {"replay_hash", trial.replay_hash},
+                        {"row_sha256", trial.row_sha256},
                         {"seconds", trial.seconds},
                         {"stood", trial.stood}});
     conditions.push_back(
@@ -66,7 +67,8 @@ Json without_hash(const Attestation& a) {
           {"moving_parts_sha256", a.parts_sha256},
           {"artifact_id", a.artifact_id},
           {"panel", a.panel},
-          {"panel_sha256", a.panel_sha256},
+          {"panel_sha256", config::sha256_hex(a.panel_text)},
+          {"panel_text", a.panel_text},
           {"task", a.task},
           {"method", a.method},
           {"timing", a.timing},
@@ -106,7 +108,7 @@ Attestation read(const Json& json) {
   a.parts_sha256 = json.at("moving_parts_sha256");
   a.artifact_id = json.at("artifact_id");
   a.panel = json.at("panel");
-  a.panel_sha256 = json.at("panel_sha256");
+  a.panel_text = json.at("panel_text");
   a.task = json.at("task");
   a.method = json.at("method");
   a.timing = json.at("timing");
@@ -116,7 +118,8 @@ Attestation read(const Json& json) {
   for (const Json& one : json.at("conditions")) {
     AttestedCondition condition{one.at("perturbation"), one.at("dose"), {}};
     for (const Json& trial : one.at("trials"))
-      condition.trials.push_back({trial.at("seed"), trial.at("replay_hash"), trial.at("seconds"), trial.at("stood")});
+      condition.trials.push_back(
+          {trial.at("seed"), trial.at("replay_hash"), trial.at("row_sha256"), trial.at("seconds"), trial.at("stood")});
     a.conditions.push_back(std::move(condition));
   }
   return a;

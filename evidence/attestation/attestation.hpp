@@ -3,11 +3,11 @@
 // by the fallback policy, or what degraded mode falls back to. A small file that a robot file names in `shown_by`.
 //
 // It is made of an artifact's rows (lab/judge/attest.hpp), and says of which robot, panel, method, perturbations and
-// seeds; of every trial how it ended, and the hash over all of its ticks, so that a second run of the panel can be
-// compared. It is believed (standing_of) only where it is intact, written by this release of Takt, of this robot as its
-// file says it today, and where in every condition the one-sided Clopper-Pearson bound of the share that stood is at
-// least kLeastShown. Bounds are counted anew from the trials, never read. Where other sources of the same release
-// computed it, its line says so.
+// seeds; of every trial how it ended, the hash over all of its ticks and the seal of its row, so that its rollouts can
+// be computed again from it and the robot file alone, and compared. It is believed (standing_of) only where it is
+// intact, written by this release of Takt, of this robot as its file says it today, and where in every condition the
+// one-sided Clopper-Pearson bound of the share that stood is at least kLeastShown. Bounds are counted anew from the
+// trials, never read. Where other sources of the same release computed it, its line says so.
 //
 // Errors are one sentence. Pure but for standing_of(), which reads files.
 #pragma once
@@ -39,7 +39,10 @@ inline constexpr FallRule kLaxest{.least_height = 0.5, .most_tilt = 1.2};
 struct AttestedTrial {
   std::uint64_t seed = 0;
   std::string replay_hash;  // as in its row
-  double seconds = 0;       // in the stop, or degraded
+  // Of the row's text without `host`, and with moving_parts_sha256() for config_sha256: a robot file names in shown_by
+  // what was made of it.
+  std::string row_sha256;
+  double seconds = 0;  // in the stop, or degraded
   bool stood = false;
 };
 
@@ -55,8 +58,8 @@ struct Attestation {
   std::string of;            // as the robot file has it: "stops.operator_stop", "fallbacks.crouch"
   std::string robot;         // name
   std::string parts_sha256;  // moving_parts_sha256()
-  std::string artifact_id, panel, panel_sha256, task, method;
-  std::string timing;  // kTimingNames
+  std::string artifact_id, panel, panel_text, task, method;  // panel_text: the panel file
+  std::string timing;                                        // kTimingNames
   std::string script_version, script_source_sha256;
   FallRule fall;
   std::vector<AttestedCondition> conditions;  // never empty

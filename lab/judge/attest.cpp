@@ -9,6 +9,8 @@
 #include <utility>
 
 #include "config/cautions.hpp"
+#include "config/load.hpp"
+#include "lab/artifact/rollout_json.hpp"
 
 namespace takt::panel {
 namespace {
@@ -40,7 +42,7 @@ Bearing of_fallback(const RolloutRow& row, const config::RobotConfig& robot) {
 }
 
 std::vector<AttestedCondition> conditions_of(std::span<const RolloutRow* const> rows, const std::string& of,
-                                             const config::RobotConfig& robot) {
+                                             const std::string& parts, const config::RobotConfig& robot) {
   std::map<std::pair<std::string, double>, std::vector<const RolloutRow*>> groups;
   for (const RolloutRow* const row : rows) groups[{row->perturbation, row->dose}].push_back(row);
   std::vector<AttestedCondition> conditions;
@@ -52,7 +54,8 @@ std::vector<AttestedCondition> conditions_of(std::span<const RolloutRow* const> 
     std::ranges::sort(group, {}, &RolloutRow::seed);
     for (const RolloutRow* const row : group)
       if (const Bearing bearing = bearing_of(*row, of, robot); bearing.is_trial)
-        condition.trials.push_back({row->seed, row->replay_hash, bearing.seconds, bearing.stood});
+        condition.trials.push_back(
+            {row->seed, row->replay_hash, row_sha256(*row, parts), bearing.seconds, bearing.stood});
     if (!condition.trials.empty()) conditions.push_back(std::move(condition));
   }
   return conditions;
@@ -60,12 +63,20 @@ std::vector<AttestedCondition> conditions_of(std::span<const RolloutRow* const> 
 
 }  // namespace
 
+std::string row_sha256(const RolloutRow& row, const std::string& parts) {
+  RolloutRow sealed = row;
+  sealed.config_sha256 = parts;
+  const auto text = row_text(sealed, HostFields::left_out);
+  return text ? config::sha256_hex(*text) : "";
+}
+
 Bearing bearing_of(const RolloutRow& row, std::string_view of, const config::RobotConfig& robot) {
   return of.starts_with(kStops) ? of_stop(row, of.substr(kStops.size()), robot) : of_fallback(row, robot);
 }
 
-std::expected<Attestation, std::string> attest(const Artifact& artifact, const config::RobotConfig& robot,
-                                               const std::string& of, const std::string& method, const FallRule& fall) {
+std::expected<Attestation, std::string> attest(const Artifact& artifact, const std::string& panel_text,
+                                               const config::RobotConfig& robot, const std::string& of,
+                                               const std::string& method, const FallRule& fall) {
   const ArtifactManifest& manifest = artifact.manifest;
   if (!manifest.complete)
     return std::unexpected(artifact.folder.path() + ": not every rollout has its row; run the panel with --resume");
@@ -97,14 +108,14 @@ std::expected<Attestation, std::string> attest(const Artifact& artifact, const c
                    .parts_sha256 = *parts,
                    .artifact_id = manifest.artifact_id,
                    .panel = manifest.panel,
-                   .panel_sha256 = manifest.panel_sha256,
+                   .panel_text = panel_text,
                    .task = rows.front()->task,
                    .method = method,
                    .timing = std::string(kTimingNames[static_cast<std::size_t>(manifest.timing)]),
                    .script_version = manifest.script_version,
                    .script_source_sha256 = manifest.script_source_sha256,
                    .fall = fall,
-                   .conditions = conditions_of(rows, of, robot)};
+                   .conditions = conditions_of(rows, of, *parts, robot)};
   if (made.conditions.empty())
     return std::unexpected(fmt::format("{}: no rollout of method `{}` came to {}; add a perturbation that leads there",
                                        artifact.folder.path(), method, of));

@@ -23,8 +23,13 @@ struct Bearing {
 };
 Bearing bearing_of(const RolloutRow& row, std::string_view of, const config::RobotConfig& robot);
 
-// What `artifact` shows of `of`. `robot`: as the method ran it; its rows must be that robot's.
-std::expected<Attestation, std::string> attest(const Artifact& artifact, const config::RobotConfig& robot,
-                                               const std::string& of, const std::string& method, const FallRule& fall);
+// The seal of a trial's row, as attestations carry it. `parts`: moving_parts_sha256() of its robot.
+std::string row_sha256(const RolloutRow& row, const std::string& parts);
+
+// What `artifact` shows of `of`. `panel_text`: its panel.yaml. `robot`: as the method ran it; its rows must be that
+// robot's.
+std::expected<Attestation, std::string> attest(const Artifact& artifact, const std::string& panel_text,
+                                               const config::RobotConfig& robot, const std::string& of,
+                                               const std::string& method, const FallRule& fall);
 
 }  // namespace takt::panel

@@ -390,7 +390,7 @@ std::string audit_text(const Attestation& attestation, const std::optional<Recom
     rests += fmt::format(", {} came out otherwise", recomputed->differences.size());
   }
   text += fmt::format("{:<20}{}\n", "rests on", rests);
-  if (!recomputed) return text + "consistent: --recompute with --panel makes it audit-ready\n";
+  if (!recomputed) return text + "consistent: --recompute with --robot makes it audit-ready\n";
   return text + (recomputed->differences.empty() ? "audit-ready\n" : "not audit-ready\n");
 }
 

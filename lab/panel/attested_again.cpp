@@ -39,22 +39,24 @@ std::string difference(const Attestation& attestation, const RolloutRow& row, co
   if (std::abs(said->seconds - now.seconds) > tolerance_s)
     return fmt::format("was in it for {:g} s, and {:g} s are said", now.seconds, said->seconds);
   if (same_sources && said->replay_hash != row.replay_hash) return "has other ticks than are said (replay_hash)";
+  if (same_sources && said->row_sha256 != row_sha256(row, attestation.parts_sha256))
+    return "has another row than is said (row_sha256)";
   return {};
 }
 
 }  // namespace
 
-std::expected<void, std::string> keep_what_is_attested(const Attestation& attestation, Panel& panel) {
-  if (panel.sha256 != attestation.panel_sha256)
-    return std::unexpected(fmt::format("{} is not the panel {} that the attestation names, by its SHA-256", panel.file,
-                                       attestation.panel));
+std::expected<Panel, std::string> attested_panel(const Attestation& attestation) {
+  auto read = panel_of(attestation.panel_text, "panel_text");
+  if (!read) return read;
+  Panel& panel = *read;
   std::erase_if(panel.methods, [&](const PanelMethod& one) { return one.name != attestation.method; });
   std::erase_if(panel.tasks, [&](const PanelTask& one) {
     return kTaskNames[static_cast<std::size_t>(one.task)] != attestation.task;
   });
   if (panel.methods.empty() || panel.tasks.empty())
     return std::unexpected(
-        fmt::format("{} has no method {} in a task {}", panel.file, attestation.method, attestation.task));
+        fmt::format("its panel has no method {} in a task {}", attestation.method, attestation.task));
   for (const AttestedCondition& condition : attestation.conditions)
     for (const AttestedTrial& trial : condition.trials) {
       if (trial.seed < panel.first_seed || trial.seed - panel.first_seed >= kMostSeeds)
@@ -62,7 +64,7 @@ std::expected<void, std::string> keep_what_is_attested(const Attestation& attest
             fmt::format("it names seed {}, and the panel's begin at {}", trial.seed, panel.first_seed));
       panel.seed_count = std::max(panel.seed_count, trial.seed - panel.first_seed + 1);
     }
-  return {};
+  return read;
 }
 
 std::expected<Recomputed, std::string> recompute(const Attestation& attestation, Contest& contest,

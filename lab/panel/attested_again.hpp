@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An attestation's trials, computed anew from the panel that it names: who invents trials, or leaves out those that
+// An attestation's trials, computed anew from the panel that it holds: who invents trials, or leaves out those that
 // fell, is found by rollouts that the caller draws. Drawn are rollouts of the whole panel, not trials, so that one that
 // is left out is as likely to be found.
 //
@@ -17,9 +17,8 @@
 
 namespace takt::panel {
 
-// Of the panel, what the attestation is about: its method, its task, and every seed that it names. Refused where it is
-// not that panel.
-std::expected<void, std::string> keep_what_is_attested(const Attestation& attestation, Panel& panel);
+// Its panel, with its method, its task and every seed that it names. The robot is still to be named.
+std::expected<Panel, std::string> attested_panel(const Attestation& attestation);
 
 // Outcomes are compared; hashes over all ticks only where this program is of the same sources. Refused where the
 // contest's robot is not the attested one.

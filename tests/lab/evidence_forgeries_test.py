@@ -330,6 +330,7 @@ class Forgery:
                  ("fewer trials", fewer, "0.9 is asked"),
                  ("a short look", lambda said: trials_of(said)[0].update(seconds=1.0), "it was watched for 1 s"),
                  ("a trial twice", lambda said: trials_of(said)[1].update(seed=1), "a trial is in it twice"),
+                 ("another panel", lambda said: said.update(panel_text=said["panel_text"].replace("duration: ", "duration: 1")), "is not as it was written"),
                  ("a better word", lambda said: said.update(says="30 of 30 stood: for ever"), "is not as it was written"))
         robot = self.made / "robot"
         robot.mkdir()
@@ -348,6 +349,25 @@ class Forgery:
             shown.write_text(json.dumps(said))
             done = self.call("config", "check", robot / "balancer.yaml")
             self.judge(f"attestation, hashed anew: {name}", done, sentence, done.returncode)
+        self.compute_attestation_anew(robot, shown, honest)
+
+    def compute_attestation_anew(self, robot, shown, honest):
+        """What only its rollouts can tell: `takt config check --recompute`, of this one attestation."""
+        alone = robot / "balancer.yaml"
+        alone.write_text(re.sub(r"(shown_by: )(?!shown/balancer.operator_stop.json)[^ ,}\n]+", r"\1none", alone.read_text()))
+        shown.write_text(json.dumps(honest))
+        done = self.call("config", "check", alone, "--recompute", "5%")
+        if done.returncode != 0 or "6 of 120 rollouts computed anew" not in done.stdout:
+            raise SystemExit(f"the honest attestation does not come out again: {done.stdout[-2000:]}")
+        for name, change, sentence in (("other ticks", lambda trial: trial.update(replay_hash=trial["replay_hash"][::-1]), r"has other ticks than are said"),
+                                       ("another row", lambda trial: trial.update(row_sha256=trial["row_sha256"][::-1]), r"has another row than is said")):
+            said = json.loads(json.dumps(honest))
+            for trial in trials_of(said):
+                change(trial)
+            self.hash_anew(said)
+            shown.write_text(json.dumps(said))
+            self.call("config", "check", alone, expect=0)
+            self.judge(f"attestation, computed anew: {name}", self.call("config", "check", alone, "--recompute", "25%"), sentence, 65)
 
     @staticmethod
     def hash_anew(said):

@@ -34,7 +34,7 @@ class AttestationTest : public monitor::TemporaryFolder {
              .parts_sha256 = moving_parts_sha256(robot).value(),
              .artifact_id = "stops-3f9a2c41d07b",
              .panel = "stops",
-             .panel_sha256 = config::sha256_hex("panel"),
+             .panel_text = "panel",
              .task = "base_velocity",
              .method = "file",
              .timing = "virtual",
@@ -43,7 +43,7 @@ class AttestationTest : public monitor::TemporaryFolder {
              .fall = {.least_height = 0.6, .most_tilt = 1},
              .conditions = {{"operator_stop", 1, {}}, {"push", 20, {}}}};
     for (AttestedCondition& condition : whole.conditions)
-      for (std::uint64_t seed = 1; seed <= 30; ++seed) condition.trials.push_back({seed, "00ff17", 6.5, true});
+      for (std::uint64_t seed = 1; seed <= 30; ++seed) condition.trials.push_back({seed, "00ff17", "a5", 6.5, true});
   }
   // The file that the robot's stop names holds `text`; what is said of that stop, and whether it is said to be shown.
   std::pair<bool, std::string> told_of(const std::string& text) {
@@ -202,7 +202,7 @@ class Attesting : public AttestationTest {
     ArtifactManifest finished = manifest;
     finished.complete = true;
     finished.artifact_id = "stops-0";
-    return attest({ArtifactFolder(path("artifact")), finished, rows}, robot, of, "file", {0.6, 1});
+    return attest({ArtifactFolder(path("artifact")), finished, rows}, "panel", robot, of, "file", {0.6, 1});
   }
 };
 

@@ -35,6 +35,7 @@ class StopsPanel : public monitor::TemporaryFolder {
     if (!kind.empty()) std::erase_if(panel.perturbations, [&](const auto& one) { return one.kind != kind; });
     if (seeds != 0) panel.seed_count = seeds;
     panel.robot = robot_file;
+    panel_text_ = panel.text;
     fall_ = {panel.tasks[0].base_velocity.least_height, panel.tasks[0].base_velocity.most_tilt};
     auto contest = Contest::prepare(std::move(panel)).value();
     robot_ = contest.contestant({}).robot;
@@ -47,6 +48,7 @@ class StopsPanel : public monitor::TemporaryFolder {
     return open_artifact(path("artifact." + method)).value();
   }
   config::RobotConfig robot_;
+  std::string panel_text_;
   FallRule fall_;
 };
 
@@ -55,7 +57,8 @@ std::string outcomes_of(const Attestation& attestation) {
   Attestation bare = attestation;
   bare.artifact_id = bare.script_source_sha256 = "";
   for (AttestedCondition& condition : bare.conditions)
-    for (AttestedTrial& trial : condition.trials) trial.replay_hash = "", trial.seconds = std::round(trial.seconds);
+    for (AttestedTrial& trial : condition.trials)
+      trial.replay_hash = trial.row_sha256 = "", trial.seconds = std::round(trial.seconds);
   return attestation_text(bare);
 }
 
@@ -64,7 +67,7 @@ TEST_F(StopsPanel, ShowsWhatTheBalancersFileOffers) {
   for (const auto& [of, name] :
        {std::pair{"fallbacks.stand", "stand"}, std::pair{"stops.operator_stop", "operator_stop"},
         std::pair{"stops.bad_commands", "bad_commands"}, std::pair{"stops.overrun", "overrun"}}) {
-    const auto made = attest(artifact, robot_, of, "file", fall_);
+    const auto made = attest(artifact, panel_text_, robot_, of, "file", fall_);
     ASSERT_TRUE(made) << made.error();
     EXPECT_EQ(shortcoming(*made, robot_, of), "");
     const std::string file = std::string("config/shown/balancer.") + name + ".json";
@@ -82,7 +85,7 @@ TEST_F(StopsPanel, ShowsWhatTheBalancersFileOffers) {
 
 TEST_F(StopsPanel, HoldingTheWheelsIsRefusedAsEvidence) {
   const Artifact artifact = run("held", "operator_stop", 30);
-  const auto made = attest(artifact, robot_, "stops.operator_stop", "held", fall_);
+  const auto made = attest(artifact, panel_text_, robot_, "stops.operator_stop", "held", fall_);
   ASSERT_TRUE(made) << made.error();
   EXPECT_EQ(shortcoming(*made, robot_, "stops.operator_stop"),
             "0 of 30 stood under operator_stop 1: at least 0.00 at 95 % confidence; 0.9 is asked");
@@ -95,34 +98,36 @@ TEST_F(StopsPanel, HoldingTheWheelsIsRefusedAsEvidence) {
 // which no rollout stands, one that says that all do; of one that stands, a trial less; both computed anew.
 TEST_F(StopsPanel, AnInventedAttestationIsFound) {
   const auto again = [&](const Attestation& said) {
-    Panel panel = load_panel(kPanel).value();
+    Panel panel = attested_panel(said).value();
     std::erase_if(panel.perturbations, [](const auto& one) { return one.kind != "operator_stop"; });
-    EXPECT_TRUE(keep_what_is_attested(said, panel));
+    panel.robot = "config/balancer.yaml";
     auto contest = Contest::prepare(std::move(panel)).value();
     auto plan = plan_of(contest.panel(), {});
     plan.resize(2);
     return recompute(said, contest, plan, 2);
   };
-  Attestation invented = attest(run("held", "operator_stop", 30), robot_, "stops.operator_stop", "held", fall_).value();
+  Attestation invented =
+      attest(run("held", "operator_stop", 30), panel_text_, robot_, "stops.operator_stop", "held", fall_).value();
   for (AttestedTrial& trial : invented.conditions.at(0).trials) trial.stood = true, trial.seconds = 7;
   ASSERT_EQ(shortcoming(invented, robot_, "stops.operator_stop"), "") << "it is believed";
   EXPECT_EQ(again(invented)->differences,
             (std::vector<std::string>{"operator_stop@1 with seed 1 did not stand, as it is said to",
                                       "operator_stop@1 with seed 2 did not stand, as it is said to"}));
-  Attestation honest = attest(run("file", "operator_stop", 30), robot_, "stops.operator_stop", "file", fall_).value();
+  Attestation honest =
+      attest(run("file", "operator_stop", 30), panel_text_, robot_, "stops.operator_stop", "file", fall_).value();
   EXPECT_EQ(again(honest)->differences, std::vector<std::string>());
+  honest.conditions.at(0).trials.at(0).row_sha256 = "00";
   honest.conditions.at(0).trials.at(1).replay_hash = "00";
   EXPECT_EQ(again(honest)->differences,
-            std::vector<std::string>{"operator_stop@1 with seed 2 has other ticks than are said (replay_hash)"});
+            (std::vector<std::string>{"operator_stop@1 with seed 1 has another row than is said (row_sha256)",
+                                      "operator_stop@1 with seed 2 has other ticks than are said (replay_hash)"}));
   auto& trials = honest.conditions.at(0).trials;
   trials.push_back(trials.back());
   trials.back().seed = 31;
   trials.erase(trials.begin());
   EXPECT_EQ(again(honest)->differences.at(0), "operator_stop@1 with seed 1 is a trial that the attestation leaves out");
-  honest.panel_sha256 = config::sha256_hex("another");
-  Panel other = load_panel(kPanel).value();
-  EXPECT_EQ(keep_what_is_attested(honest, other).error(),
-            "config/panels/stops.yaml is not the panel stops that the attestation names, by its SHA-256");
+  honest.method = "another";
+  EXPECT_EQ(attested_panel(honest).error(), "its panel has no method another in a task base_velocity");
 }
 
 // Goal: rows of two models are never compared. Method: one robot file, its MJCF changed between two panels.
