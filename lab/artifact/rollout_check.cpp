@@ -91,26 +91,39 @@ std::string disorder(const NamedAge& one) {
   return {};
 }
 
-// A part is no larger than its whole in any sample, so in no quantile either.
-std::string beyond_total(const NamedAge& part, const AgeQuantiles& total) {
-  for (const auto& [name, of] : {std::pair{"p50", &AgeQuantiles::p50_ms}, std::pair{"p95", &AgeQuantiles::p95_ms},
-                                 std::pair{"p99", &AgeQuantiles::p99_ms}}) {
+// How far beyond the largest of at least so many samples their p-quantile may lie, as a share of it: the exclusive
+// definition goes on in a straight line.
+double beyond_largest(double p, std::uint64_t samples) {
+  const auto n = static_cast<double>(samples);
+  return samples < 2 ? 1 : std::max(0.0, p * (n + 1) - n);
+}
+
+// A part is no larger than its whole in any sample, so in no quantile either that lies among them.
+std::string beyond_total(const NamedAge& part, const AgeQuantiles& total, std::uint64_t samples) {
+  struct OfAge {
+    const char* name;
+    std::optional<double> AgeQuantiles::*quantile;
+    double p;
+  };
+  for (const auto& [name, of, p] : {OfAge{"p50", &AgeQuantiles::p50_ms, 0.5}, OfAge{"p95", &AgeQuantiles::p95_ms, 0.95},
+                                    OfAge{"p99", &AgeQuantiles::p99_ms, 0.99}}) {
     const auto &value = (*part.age).*of, &whole = total.*of;
     if (value.has_value() != whole.has_value()) return fmt::format("{} has samples that its total has not", part.name);
-    if (value && *value > *whole + 1e-6)
+    if (value && *value > *whole * (1 + beyond_largest(p, samples)) + 1e-6)
       return fmt::format("{}.{} is {} ms, more than the total's {}", part.name, name, *value, *whole);
   }
   return {};
 }
 
-std::string inconsistency(const std::string& name, const AgeRow& age) {
+// `samples`: at least so many.
+std::string inconsistency(const std::string& name, const AgeRow& age, std::uint64_t samples) {
   const NamedAge total{name + ".total", &age.total};
   if (std::string reason = disorder(total); !reason.empty()) return reason;
   for (const NamedAge& part : {NamedAge{name + ".sense", &age.sense}, NamedAge{name + ".queue", &age.queue},
                                NamedAge{name + ".infer", &age.infer}, NamedAge{name + ".publish", &age.publish},
                                NamedAge{name + ".hold", &age.hold}}) {
     if (std::string reason = disorder(part); !reason.empty()) return reason;
-    if (std::string reason = beyond_total(part, age.total); !reason.empty()) return reason;
+    if (std::string reason = beyond_total(part, age.total, samples); !reason.empty()) return reason;
   }
   return {};
 }
@@ -150,9 +163,13 @@ std::string inconsistency(const RolloutRow& row) {
   for (const auto& [name, misses] :
        {std::pair{"misses_per_command", row.misses_per_command}, std::pair{"misses_per_tick", row.misses_per_tick}})
     if (std::string reason = inconsistency(name, misses); !reason.empty()) return reason;
-  for (const auto& [name, age] :
-       {std::pair{"age_per_command", &row.age_per_command}, std::pair{"age_per_tick", &row.age_per_tick}})
-    if (std::string reason = inconsistency(std::string(name), *age); !reason.empty()) return reason;
+  // What was not missed has an age.
+  const auto aged = [](const MissRow& misses) { return misses.count - misses.misses; };
+  if (std::string reason = inconsistency("age_per_command", row.age_per_command, aged(row.misses_per_command));
+      !reason.empty())
+    return reason;
+  if (std::string reason = inconsistency("age_per_tick", row.age_per_tick, aged(row.misses_per_tick)); !reason.empty())
+    return reason;
   double shares = 0;
   for (const double share : row.mode_share) shares += share;
   if (row.ticks > 0 && std::abs(shares - 1) > 1e-6) return fmt::format("mode_share adds up to {}, not to 1", shares);

@@ -206,6 +206,26 @@ TEST_F(ArtifactTest, ARowThatContradictsItselfIsRefused) {
             "ended in tracking, where it spent none of its ticks");
 }
 
+// Goal: a short rollout's row is taken. Method: of few commands the p99 lies beyond the largest age, of a part farther
+// than of the whole: so it came out of 40 commands; of 1,000 it cannot.
+TEST_F(ArtifactTest, APartsQuantileBeyondItsSamplesContradictsNothing) {
+  const auto said = [&](std::uint64_t commands, double p99_ms) {
+    RolloutRow row = rows[0];
+    row.misses_per_command = {.misses = 0,
+                              .count = commands,
+                              .rate = 0,
+                              .effective_count = static_cast<double>(commands),
+                              .upper_bound = 0.1};
+    row.age_per_command.total = {.p50_ms = 40, .p95_ms = 80, .p99_ms = 86};
+    row.age_per_command.sense = {.p50_ms = 10, .p95_ms = 70, .p99_ms = p99_ms};
+    const auto fine = check(row);
+    return fine ? "taken" : fine.error();
+  };
+  EXPECT_EQ(said(40, 92), "taken");
+  EXPECT_EQ(said(40, 160), "age_per_command.sense.p99 is 160 ms, more than the total's 86");
+  EXPECT_EQ(said(1'000, 92), "age_per_command.sense.p99 is 92 ms, more than the total's 86");
+}
+
 TEST_F(ArtifactTest, OneRolloutUnderTwoSeedsIsRefused) {
   std::vector<RolloutRow> twice = rows;
   twice[1] = rows[0];
