@@ -18,7 +18,7 @@ constexpr std::array kLabCommands{
     LabCommand{"", "budget", "Draw which loop rates fit, and how old the commands then are."},
     LabCommand{"", "ages", "Judge a list of command ages by the freshness contract."},
     LabCommand{"", "audit", "Say whether a panel's artifact or a run is ready to be audited."},
-    LabCommand{"", "seal", "Sign a finished artifact or a closed run with a key of yours."},
+    LabCommand{"", "seal", "Sign an artifact, a run, or a panel before it runs, with a key of yours."},
     LabCommand{"", "export", "Write runs as data sets for training."},
     LabCommand{"policy", "try",
                "Try every policy of a folder: which engine takes it, error and time against ONNX Runtime."},

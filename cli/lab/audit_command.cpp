@@ -231,8 +231,8 @@ void add_audit(CLI::App& app, int& exit_code) {
   command->add_option("--registered-by", options->registered_by,
                       "public key, PEM: the panel has to be registered by it before it ran (takt seal PANEL)");
   command->add_option("--time-by", options->time_by,
-                      "certificates, PEM: the signature has to be stamped by an authority of theirs, and so has the "
-                      "registration, if it is stamped");
+                      "certificates, PEM: the signature has to be stamped by an authority of theirs,\n"
+                      "and so has the registration, if it is stamped");
   command->footer(
       "Example: takt audit artifacts/smoke --recompute 25%\n"
       "Exit codes: 0 nothing is missing and nothing contradicts itself; 1 something is or does, rows came\n"
