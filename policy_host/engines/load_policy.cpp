@@ -85,9 +85,9 @@ Loaded load_builtin(const config::Engine& engine, const fs::path& file) {
   return load_onnx_network(file);
 }
 
-// What the built-in engine lacks, without the list of what it has.
+// What the built-in engine lacks, without where to read what it has.
 std::string beyond_text(const std::string& sentence) {
-  return sentence.substr(0, sentence.find("; supported operators"));
+  return sentence.substr(0, sentence.find(" (docs/policies.md)"));
 }
 
 Loaded load_beyond(const onnx_engine::Unloaded& unloaded, const config::RobotConfig& robot, const fs::path& file) {

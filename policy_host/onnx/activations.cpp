@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Functions of one element: arithmetic (Abs, Neg, Reciprocal, Sqrt, Exp, Log, Sin, Cos, Erf), activations (Relu,
-// LeakyRelu, Elu, Tanh, Sigmoid, Softplus, Gelu) and Clip.
+// LeakyRelu, ThresholdedRelu, Elu, Selu, Celu, Tanh, Sigmoid, HardSigmoid, HardSwish, Mish, Softplus, Softsign, Shrink,
+// Gelu) and Clip.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -10,21 +11,12 @@
 #include <utility>
 #include <vector>
 
-#include "policy_host/onnx/lanes.hpp"
 #include "policy_host/onnx/operators.hpp"
+#include "policy_host/onnx/unary.hpp"
 
 namespace takt::onnx_engine {
 
 namespace {
-
-template <class Function>
-void build_unary(Builder& builder, const Node& node, Function function) {
-  const Value& in = node.float_input(0);
-  Value& out = builder.define_floats(node.output(), in.shape);
-  builder.compute(out, {&in}, [from = in.floats, to = out.floats, count = elements(in.shape), function]() noexcept {
-    map_lanes(from, to, count, function);
-  });
-}
 
 Lane lane_erf(const Lane& x) noexcept {
   return x.unaryExpr([](float v) { return std::erf(v); });
@@ -93,6 +85,67 @@ void build_relu(Builder& builder, const Node& node) {
 void build_elu(Builder& builder, const Node& node) {
   build_unary(builder, node,
               [alpha = node.number("alpha", 1.0F)](const Lane& x) noexcept { return lane_elu(x, alpha); });
+}
+
+void build_selu(Builder& builder, const Node& node) {
+  constexpr float usual_alpha = 1.67326319217681884765625F, usual_gamma = 1.05070102214813232421875F;
+  build_unary(builder, node,
+              [alpha = node.number("alpha", usual_alpha), gamma = node.number("gamma", usual_gamma)](
+                  const Lane& x) noexcept -> Lane { return gamma * lane_elu(x, alpha); });
+}
+
+void build_celu(Builder& builder, const Node& node) {
+  const float alpha = node.number("alpha", 1.0F);
+  if (alpha == 0.0F) node.refuse("its alpha is 0");
+  build_unary(builder, node, [alpha](const Lane& x) noexcept -> Lane {
+    return lane_relu(x) + alpha * (lane_min(x / alpha, Lane::Zero()).exp() - 1.0F);
+  });
+}
+
+namespace {
+
+Lane lane_hard_sigmoid(const Lane& x, float alpha, float beta) noexcept {
+  return lane_min(lane_relu(alpha * x + beta), Lane::Ones());
+}
+
+}  // namespace
+
+void build_hard_sigmoid(Builder& builder, const Node& node) {
+  build_unary(builder, node,
+              [alpha = node.number("alpha", 0.2F), beta = node.number("beta", 0.5F)](const Lane& x) noexcept {
+                return lane_hard_sigmoid(x, alpha, beta);
+              });
+}
+
+void build_hard_swish(Builder& builder, const Node& node) {
+  build_unary(builder, node,
+              [](const Lane& x) noexcept -> Lane { return x * lane_hard_sigmoid(x, 1.0F / 6.0F, 0.5F); });
+}
+
+void build_thresholded_relu(Builder& builder, const Node& node) {
+  build_unary(builder, node, [alpha = node.number("alpha", 1.0F)](const Lane& x) noexcept -> Lane {
+    return x.unaryExpr([alpha](float one) { return one <= alpha ? 0.0F : one; });
+  });
+}
+
+void build_shrink(Builder& builder, const Node& node) {
+  build_unary(builder, node,
+              [edge = node.number("lambd", 0.5F), bias = node.number("bias", 0.0F)](const Lane& x) noexcept -> Lane {
+                return x.unaryExpr([edge, bias](float one) {
+                  if (one < -edge) return one + bias;
+                  if (one > edge) return one - bias;
+                  return std::isnan(one) ? one : 0.0F;
+                });
+              });
+}
+
+void build_softsign(Builder& builder, const Node& node) {
+  build_unary(builder, node, [](const Lane& x) noexcept -> Lane { return x / (1.0F + x.abs()); });
+}
+
+void build_mish(Builder& builder, const Node& node) {
+  build_unary(builder, node,
+              [](const Lane& x) noexcept -> Lane { return x * lane_tanh(lane_relu(x) + lane_exp(-x.abs()).log1p()); });
 }
 
 void build_tanh(Builder& builder, const Node& node) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Operators whose result is known at load: Constant, ConstantOfShape, Shape, and Cast between the two element types.
+// Operators whose result is known at load: Constant, ConstantOfShape, Shape, Size, Range; and Cast and CastLike between
+// element types.
 #include <fmt/format.h>
 #include <onnx/onnx_pb.h>
 
@@ -77,6 +78,54 @@ void build_shape(Builder& builder, const Node& node) {
   builder.define_integers(node.output(), result, std::move(part));
 }
 
+void build_size(Builder& builder, const Node& node) {
+  builder.define_integers(node.output(), {}, {static_cast<std::int64_t>(elements(node.input(0).shape))});
+}
+
+namespace {
+
+const Value& one_constant(const Node& node, std::size_t input) {
+  const Value& value = node.input(input);
+  if (!value.constant || elements(value.shape) != 1) node.beyond("its bounds must be single constants");
+  return value;
+}
+
+std::size_t count_of_range(const Node& node, double start, double limit, double step) {
+  if (step == 0.0) node.refuse("its step is 0");
+  const double count = std::ceil((limit - start) / step);
+  constexpr double most = max_model_bytes / sizeof(std::int64_t);
+  if (!(count < most)) node.beyond(fmt::format("{} elements are too many", count));
+  return count > 0.0 ? static_cast<std::size_t>(count) : 0;
+}
+
+}  // namespace
+
+void build_range(Builder& builder, const Node& node) {
+  const Value &start = one_constant(node, 0), &limit = one_constant(node, 1), &step = one_constant(node, 2);
+  if (start.type != limit.type || start.type != step.type) node.refuse("its bounds differ in data type");
+  if (start.type == ElementType::int64) {
+    const std::int64_t first = start.integers[0], by = step.integers[0];
+    const std::size_t count = count_of_range(node, static_cast<double>(first), static_cast<double>(limit.integers[0]),
+                                             static_cast<double>(by));
+    builder.charge(count * sizeof(std::int64_t));
+    std::vector<std::int64_t> integers(count);
+    for (std::size_t i = 0; i < count; ++i)
+      integers[i] = static_cast<std::int64_t>(static_cast<std::uint64_t>(first) +
+                                              static_cast<std::uint64_t>(by) * i);  // no overflow: below the limit
+    const Shape shape = vector_shape(count);
+    builder.define_integers(node.output(), shape, std::move(integers));
+    return;
+  }
+  if (start.type != ElementType::float32) node.refuse("its bounds must be numbers");
+  const float first = start.floats[0], by = step.floats[0];
+  const std::size_t count =
+      count_of_range(node, static_cast<double>(first), static_cast<double>(limit.floats[0]), static_cast<double>(by));
+  builder.charge(count * sizeof(float));
+  std::vector<float> floats(count);
+  for (std::size_t i = 0; i < count; ++i) floats[i] = first + by * static_cast<float>(i);
+  define_numbers(builder, node.output(), vector_shape(count), floats);
+}
+
 namespace {
 
 bool is_integer(ElementType type) {
@@ -86,13 +135,15 @@ bool is_integer(ElementType type) {
 ElementType cast_target(const Node& node, const Value& in) {
   switch (node.integer("to", 0)) {
     case onnx::TensorProto_DataType_FLOAT:
+    case onnx::TensorProto_DataType_DOUBLE:
       return ElementType::float32;
+    case onnx::TensorProto_DataType_INT32:
     case onnx::TensorProto_DataType_INT64:
       return in.constant ? ElementType::int64 : ElementType::live_int64;
     case onnx::TensorProto_DataType_BOOL:
       return ElementType::boolean;
     default:
-      node.beyond("casts only to FLOAT, INT64 and BOOL are supported");
+      node.beyond("casts only to FLOAT, DOUBLE, INT32, INT64 and BOOL are supported");
   }
 }
 
@@ -122,9 +173,9 @@ void cast_to_known_integers(Builder& builder, const Node& node, const Value& in)
 
 }  // namespace
 
-void build_cast(Builder& builder, const Node& node) {
-  const Value& in = node.input(0);
-  const ElementType target = cast_target(node, in);
+namespace {
+
+void build_cast_to(Builder& builder, const Node& node, const Value& in, ElementType target) {
   if (in.type == target || (is_integer(in.type) && is_integer(target))) {
     builder.define_view(node.output(), in.shape, in);
   } else if (in.type != ElementType::int64) {
@@ -138,6 +189,20 @@ void build_cast(Builder& builder, const Node& node) {
     });
     out.constant = true;
   }
+}
+
+}  // namespace
+
+void build_cast(Builder& builder, const Node& node) {
+  const Value& in = node.input(0);
+  build_cast_to(builder, node, in, cast_target(node, in));
+}
+
+void build_cast_like(Builder& builder, const Node& node) {
+  const Value& in = node.input(0);
+  const ElementType like = node.input(1).type;
+  const ElementType whole = in.constant ? ElementType::int64 : ElementType::live_int64;
+  build_cast_to(builder, node, in, is_integer(like) ? whole : like);
 }
 
 }  // namespace takt::onnx_engine

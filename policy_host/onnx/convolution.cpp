@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Conv over one or two dimensions: the input's patches, gathered as the panels of a right-hand matrix, times the
+// Conv over one to three dimensions: the input's patches, gathered as the panels of a right-hand matrix, times the
 // kernels.
 #include <fmt/format.h>
 

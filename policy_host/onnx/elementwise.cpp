@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Add, Sub, Mul, Div, Mod, Pow, Min, Max with NumPy broadcasting; all but Pow on int64 constants too, where exporters
-// compute shapes.
+// Add, Sub, Mul, Div, Mod, Pow, PRelu, and Min, Max, Sum, Mean of any number, with NumPy broadcasting; those of whole
+// numbers on int64 too, known ones (where exporters compute shapes) and those that an input decides.
 #include "policy_host/onnx/elementwise.hpp"
 
 #include <fmt/format.h>
@@ -133,8 +133,16 @@ void build_pair(Builder& builder, const Node& node, const std::string& name, con
                   });
 }
 
+// Integers that an input decides meet known ones as floats.
 void build_binary(Builder& builder, const Node& node, RunFloats run, OnIntegers on_integers) {
-  build_pair(builder, node, node.output(), node.input(0), node.input(1), run, on_integers);
+  const Value &a = node.input(0), &b = node.input(1);
+  const bool live = a.type == ElementType::live_int64 || b.type == ElementType::live_int64;
+  if (!live || on_integers == nullptr) return build_pair(builder, node, node.output(), a, b, run, on_integers);
+  const std::string name = fmt::format("{} as floats", node.output());
+  build_pair(builder, node, name, as_live(builder, node, a), as_live(builder, node, b), run, on_integers);
+  Value result = *builder.find(name);
+  result.type = ElementType::live_int64;
+  builder.define_view(node.output(), result.shape, result);
 }
 
 // Any number of inputs, pair by pair; one alone is itself. Integers that an input decides meet known ones as floats.
@@ -190,6 +198,18 @@ float remainder_of(float a, float b) noexcept {
   return std::fmod(a, b);
 }
 
+// Of whole numbers: cut towards zero, as divide_integers() does.
+template <bool whole>
+void divide(const Broadcast& plan, const float* left, const float* right, float* out) noexcept {
+  run_rows<Over>(plan, left, right, out);
+  if constexpr (whole)
+    for (float* one = out; one != out + plan.left_offsets.size() * plan.length; ++one) *one = std::trunc(*one);
+}
+
+float leaky(float x, float slope) noexcept {
+  return x < 0.0F ? slope * x : x;
+}
+
 std::optional<std::int64_t> divide_integers(std::int64_t a, std::int64_t b) {
   if (b == 0 || (b == -1 && a == std::numeric_limits<std::int64_t>::min())) return std::nullopt;
   return a / b;
@@ -207,7 +227,8 @@ void build_mul(Builder& builder, const Node& node) {
   build_binary(builder, node, run_rows<Times>, multiply_integers);
 }
 void build_div(Builder& builder, const Node& node) {
-  build_binary(builder, node, run_rows<Over>, divide_integers);
+  const auto is_live = [&](std::size_t i) { return node.input(i).type == ElementType::live_int64; };
+  build_binary(builder, node, is_live(0) || is_live(1) ? divide<true> : divide<false>, divide_integers);
 }
 void build_pow(Builder& builder, const Node& node) {
   build_binary(builder, node, run_each<power>, nullptr);
@@ -219,6 +240,34 @@ void build_min(Builder& builder, const Node& node) {
 void build_max(Builder& builder, const Node& node) {
   build_chain(builder, node, run_each<larger>,
               [](std::int64_t a, std::int64_t b) { return std::optional(std::max(a, b)); });
+}
+
+void build_sum(Builder& builder, const Node& node) {
+  build_chain(builder, node, run_rows<Plus>, add_integers);
+}
+
+void build_mean(Builder& builder, const Node& node) {
+  Value sum = node.float_input(0);
+  for (std::size_t i = 1; i < node.input_count(); ++i) {
+    const std::string name = fmt::format("{} of {} inputs of {}", i, node.input_count(), node.output());
+    build_pair(builder, node, name, sum, node.float_input(i), run_rows<Plus>, nullptr);
+    sum = *builder.find(name);
+  }
+  Value& out = builder.define_floats(node.output(), sum.shape);
+  builder.compute(out, {&sum},
+                  [from = sum.floats, to = out.floats, size = elements(sum.shape),
+                   count = static_cast<float>(node.input_count())]() noexcept {
+                    for (std::size_t i = 0; i < size; ++i) to[i] = from[i] / count;
+                  });
+}
+
+// A slope is broadcast to the input, and never the other way round.
+void build_prelu(Builder& builder, const Node& node) {
+  const Value &in = node.float_input(0), &slope = node.float_input(1);
+  const auto shape = broadcast_shape(in.shape, slope.shape);
+  if (!shape || *shape != in.shape)
+    node.refuse(fmt::format("a slope of shape {} does not broadcast to {}", to_text(slope.shape), to_text(in.shape)));
+  build_binary(builder, node, run_each<leaky>, nullptr);
 }
 
 void build_mod(Builder& builder, const Node& node) {

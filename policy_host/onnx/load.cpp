@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // From bytes to a Program: screen what messages would take, parse, bring in what lies beside the file, screen, settle
-// the batch, let libonnx check and infer where it knows the opset (without it: what the screen and the operators check
-// themselves), compile, compare.
+// the batch, let libonnx check where it knows the opset, lift what is older than the engine, infer (for newer opsets:
+// what the screen and the operators check themselves), compile, compare.
 #include <fmt/format.h>
 #include <onnx/checker.h>
 #include <onnx/onnx_pb.h>
@@ -13,6 +13,7 @@
 #include <cstring>
 #include <exception>
 #include <fstream>
+#include <optional>
 #include <set>
 #include <system_error>
 #include <type_traits>
@@ -20,6 +21,7 @@
 
 #include "policy_host/onnx/builder.hpp"
 #include "policy_host/onnx/external_data.hpp"
+#include "policy_host/onnx/lift.hpp"
 #include "policy_host/onnx/memory.hpp"
 #include "policy_host/onnx/model.hpp"
 #include "policy_host/onnx/node.hpp"
@@ -39,19 +41,29 @@ bool speaks_of_batch(std::string name) {
   return name.find("batch") != std::string::npos;
 }
 
-bool is_whole(const onnx::ValueInfoProto& input) {
-  const int type = input.type().tensor_type().elem_type();
-  return type == onnx::TensorProto_DataType_INT32 || type == onnx::TensorProto_DataType_INT64;
+// Of an input; nothing: of a type that this engine does not take.
+std::optional<ElementType> element_type_of(const onnx::ValueInfoProto& input) {
+  if (!input.type().has_tensor_type()) return std::nullopt;
+  switch (input.type().tensor_type().elem_type()) {
+    case onnx::TensorProto_DataType_FLOAT:
+    case onnx::TensorProto_DataType_DOUBLE:
+      return ElementType::float32;
+    case onnx::TensorProto_DataType_INT32:
+    case onnx::TensorProto_DataType_INT64:
+      return ElementType::live_int64;
+    case onnx::TensorProto_DataType_BOOL:
+      return ElementType::boolean;
+    default:
+      return std::nullopt;
+  }
 }
 
 // A dimension counts as the batch if it leads an input or is called so; it becomes 1. No other one may be symbolic.
 void settle_batch(onnx::GraphProto& graph, const Names& constants) {
   for (onnx::ValueInfoProto& input : *graph.mutable_input()) {
     if (constants.contains(input.name())) continue;
-    const bool is_float = input.type().tensor_type().elem_type() == onnx::TensorProto_DataType_FLOAT;
-    if (!input.type().has_tensor_type() || (!is_float && !is_whole(input))) {
-      throw Beyond(fmt::format("input '{}' is neither a float32 tensor nor a whole number", input.name()));
-    }
+    if (!element_type_of(input))
+      throw Beyond(fmt::format("input '{}' is no tensor of float32, float64, int32, int64 or bool", input.name()));
     if (!input.type().tensor_type().has_shape()) throw Refusal(fmt::format("input '{}' has no shape", input.name()));
     auto& dims = *input.mutable_type()->mutable_tensor_type()->mutable_shape()->mutable_dim();
     for (int d = 0; d < dims.size(); ++d) {
@@ -61,12 +73,6 @@ void settle_batch(onnx::GraphProto& graph, const Names& constants) {
                                   input.name(), d, dims[d].dim_param()));
       }
       dims[d].set_dim_value(1);
-    }
-    if (is_whole(input) && std::ranges::any_of(dims, [](const auto& dim) { return dim.dim_value() != 1; })) {
-      throw Beyond(
-          fmt::format("input '{}' has several whole numbers, of which this engine takes one; export it in "
-                      "float32",
-                      input.name()));
     }
   }
 }
@@ -91,11 +97,19 @@ void forget_open_claims(onnx::GraphProto& graph) {
   }
 }
 
-// A whole number that the caller writes as a float: where to.
-float* define_count(const std::string& name, const Shape& shape, Builder& builder) {
-  float* const written = builder.allocate(1);
-  const Value& value = builder.define_floats(name, shape, ElementType::live_int64);
-  builder.each_run([written, to = value.floats]() noexcept { *to = std::trunc(*written); });
+// Whole numbers, or truths, that the caller writes as floats: where to. A whole one is cut; what is not 0 is true; not
+// a number stays so.
+float* define_written(const std::string& name, const Shape& shape, ElementType type, Builder& builder) {
+  const Value& value = builder.define_floats(name, shape, type);
+  const std::size_t count = elements(shape);
+  float* const written = builder.allocate(count);
+  builder.each_run([written, to = value.floats, count, truth = type == ElementType::boolean]() noexcept {
+    for (std::size_t i = 0; i < count; ++i) {
+      const float x = written[i];
+      const bool as_truth = truth && !std::isnan(x);
+      to[i] = as_truth ? (x == 0.0F ? 0.0F : 1.0F) : std::trunc(x);
+    }
+  });
   return written;
 }
 
@@ -105,8 +119,8 @@ void define_inputs(const onnx::GraphProto& graph, const Names& constants, Builde
     Shape shape;
     for (const auto& dim : input.type().tensor_type().shape().dim()) shape.push_back(dim.dim_value());
     program.input_info.push_back({input.name(), shape});
-    if (is_whole(input)) {
-      program.inputs.emplace_back(define_count(input.name(), shape, builder), 1);
+    if (const auto type = element_type_of(input); type != ElementType::float32) {
+      program.inputs.emplace_back(define_written(input.name(), shape, *type, builder), elements(shape));
       continue;
     }
     const Value& value = builder.define_floats(input.name(), shape);
@@ -118,14 +132,14 @@ void define_outputs(const onnx::GraphProto& graph, Builder& builder, Program& pr
   for (const onnx::ValueInfoProto& output : graph.output()) {
     const Value* value = builder.find(output.name());
     if (value == nullptr) throw Refusal(fmt::format("no node makes output '{}'", output.name()));
-    if (value->type != ElementType::float32) {
-      throw Beyond(fmt::format("output '{}' is int64; only float32 outputs are supported", output.name()));
-    }
     const std::size_t count = elements(value->shape);
     program.output_info.push_back({output.name(), value->shape});
     // A copy, so that an output that is only another name for an input does not change when the input is written.
     float* copy = builder.allocate(count);
-    builder.each_run([from = value->floats, copy, count]() noexcept { std::copy_n(from, count, copy); });
+    if (value->type == ElementType::int64)
+      std::ranges::transform(value->integers, copy, [](std::int64_t i) { return static_cast<float>(i); });
+    else
+      builder.each_run([from = value->floats, copy, count]() noexcept { std::copy_n(from, count, copy); });
     program.outputs.emplace_back(copy, count);
   }
 }
@@ -157,6 +171,11 @@ std::unique_ptr<Program> compile(onnx::ModelProto& model) {
     onnx::checker::check_model(model);
   }
   forget_open_claims(*model.mutable_graph());
+  if (opset_of(model) < kOldestOpset) {
+    lift(model, kOldestOpset);
+    screen_model(model);
+    forget_open_claims(*model.mutable_graph());
+  }
   if (second_opinion) onnx::shape_inference::InferShapes(model, onnx::OpSchemaRegistry::Instance(), {true, 1, true});
 
   auto program = std::make_unique<Program>();
@@ -255,10 +274,12 @@ std::expected<Model, Unloaded> load_from(std::span<const std::byte> bytes, std::
     std::vector<ExternalFile> external;
     if (file != nullptr) external = bring_in_external_data(model, *file);
     screen_weights(model.graph());
+    const std::int64_t opset = opset_of(model);  // the file's own, whatever it is lifted to
+    Metadata metadata = metadata_of(model);
     std::unique_ptr<Program> program = compile(model);
     program->external_files = std::move(external);
-    program->opset = opset_of(model);
-    program->metadata = metadata_of(model);
+    program->opset = opset;
+    program->metadata = std::move(metadata);
     return Model(std::move(program));
   } catch (const Beyond& beyond) {
     return unloaded(one_line(name, beyond.what()), true);

@@ -6,11 +6,12 @@
 //   model->run();
 //   use(model->output(0));
 //
-// Shapes: fixed at load; a symbolic batch dimension becomes 1. Tensors are row-major float32 at the boundary; an input
-// that is one whole number (int32, int64) is written as a float, exact up to 2^24, and cut to a whole one. Memory of
-// one model is capped at 1 GiB. Input elements are zero until written.
+// Shapes: fixed at load; a symbolic batch dimension becomes 1. Tensors are row-major float32 at the boundary:
+// whole numbers (int32, int64) are written and read as floats, exact up to 2^24, and cut to whole ones; truths are 0
+// and 1; float64 is rounded. Memory of one model is capped at 1 GiB. Input elements are zero until written.
 //
-// Operators: ONNX opset 8 to 21, those that operators.cpp lists. Anything else is refused at load, never at run().
+// Operators: ONNX opset 1 to 21 (older than 8: lifted, lift.hpp), those that operators.cpp lists. Anything else is
+// refused at load, never at run().
 // Weights may lie beside the model (external data), in FILE.data or FILE_data.
 // Not a number in an input reaches every output that depends on it: no operator swallows it.
 //
@@ -18,8 +19,8 @@
 //
 // Bits: every sum runs in ascending index order, one rounding per product and one per addition; exp, tanh and the
 // logistic function are polynomials evaluated in the same registers for every element. One binary gives the same bits
-// on every x86-64 machine, except for Erf and for Pow with an exponent other than 0.5, 1 and 2, which call the C
-// library.
+// on every x86-64 machine, except for what calls the C library: Erf, Pow with an exponent other than 0.5, 1 and 2, the
+// functions of functions.cpp, LogSoftmax and the logarithms of sums.
 //
 // Trust: the file is screened, checked by libonnx and only then compiled; a hostile file is refused with a sentence.
 #pragma once

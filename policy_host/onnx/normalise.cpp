@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Softmax, LayerNormalization, BatchNormalization. Sums run in ascending order.
+// Softmax, LogSoftmax, Hardmax; LayerNormalization, BatchNormalization, InstanceNormalization. Sums run in ascending
+// order.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -40,7 +41,34 @@ void normalise_row(const float* in, float* out, std::size_t length, float epsilo
 
 }  // namespace
 
-void build_softmax(Builder& builder, const Node& node) {
+namespace {
+
+void log_softmax_row(float* row, std::size_t length) noexcept {
+  float largest = row[0];
+  for (std::size_t i = 1; i < length; ++i) largest = std::max(largest, row[i]);
+  float sum = 0.0F;
+  for (std::size_t i = 0; i < length; ++i) {
+    row[i] -= largest;
+    sum += std::exp(row[i]);
+  }
+  for (std::size_t i = 0; i < length; ++i) row[i] -= std::log(sum);
+}
+
+// 1 where the first of the largest is; not a number anywhere in the row is the whole of it.
+void hardmax_row(float* row, std::size_t length) noexcept {
+  std::size_t best = 0;
+  float nan = 0.0F;
+  for (std::size_t i = 0; i < length; ++i) {
+    if (std::isnan(row[i])) nan = row[i];
+    if (row[i] > row[best]) best = i;
+  }
+  std::fill_n(row, length, nan);
+  row[best] += 1.0F;
+}
+
+using RunRow = void (*)(float* row, std::size_t length) noexcept;
+
+void build_rows(Builder& builder, const Node& node, RunRow run) {
   const Value& in = node.float_input(0);
   const std::size_t rank = in.shape.size();
   // Before opset 13 everything from the axis on is one row; since then the axis alone is.
@@ -52,16 +80,30 @@ void build_softmax(Builder& builder, const Node& node) {
   const std::size_t inner = elements_between(in.shape, after, rank);
   float* row = builder.allocate(length);
   Value& out = builder.define_floats(node.output(), in.shape);
-  builder.compute(out, {&in}, [from = in.floats, to = out.floats, row, outer, length, inner]() noexcept {
+  builder.compute(out, {&in}, [from = in.floats, to = out.floats, row, outer, length, inner, run]() noexcept {
     for (std::size_t o = 0; o < outer; ++o) {
       for (std::size_t i = 0; i < inner; ++i) {
         const std::size_t first = o * length * inner + i;
         for (std::size_t k = 0; k < length; ++k) row[k] = from[first + k * inner];
-        softmax_row(row, length);
+        run(row, length);
         for (std::size_t k = 0; k < length; ++k) to[first + k * inner] = row[k];
       }
     }
   });
+}
+
+}  // namespace
+
+void build_softmax(Builder& builder, const Node& node) {
+  build_rows(builder, node, softmax_row);
+}
+
+void build_log_softmax(Builder& builder, const Node& node) {
+  build_rows(builder, node, log_softmax_row);
+}
+
+void build_hardmax(Builder& builder, const Node& node) {
+  build_rows(builder, node, hardmax_row);
 }
 
 void build_layer_normalization(Builder& builder, const Node& node) {
@@ -97,6 +139,7 @@ void build_batch_normalization(Builder& builder, const Node& node) {
   const Value& in = node.float_input(0);
   if (in.shape.size() < 2) node.refuse("its input has no channels");
   if (node.integer("training_mode", 0) != 0 || node.has_output(1)) node.beyond("training is not supported");
+  if (node.integer("spatial", 1) != 1) node.beyond("statistics for each element (spatial 0) are not supported");
   const std::size_t channels = elements_between(in.shape, 1, 2);
   const std::array<const Value*, 4> parameters{&node.float_input(1), &node.float_input(2), &node.float_input(3),
                                                &node.float_input(4)};
@@ -122,6 +165,28 @@ void build_batch_normalization(Builder& builder, const Node& node) {
       for (std::size_t i = r * length; i < (r + 1) * length; ++i) to[i] = from[i] * gain[c] + offset[c];
     }
   });
+}
+
+// Of each channel of each batch by itself.
+void build_instance_normalization(Builder& builder, const Node& node) {
+  const Value &in = node.float_input(0), &scale = node.float_input(1), &bias = node.float_input(2);
+  if (in.shape.size() < 3) node.refuse("its input has no spatial dimensions");
+  const std::size_t channels = elements_between(in.shape, 1, 2);
+  for (const Value* factor : {&scale, &bias})
+    if (elements(factor->shape) != channels)
+      node.refuse(fmt::format("scale or bias of shape {} does not fit {} channels", to_text(factor->shape), channels));
+  Value& out = builder.define_floats(node.output(), in.shape);
+  builder.compute(out, {&in, &scale, &bias},
+                  [from = in.floats, to = out.floats, gain = scale.floats, offset = bias.floats, channels,
+                   planes = elements_between(in.shape, 0, 2), length = elements_between(in.shape, 2, in.shape.size()),
+                   epsilon = node.number("epsilon", 1e-5F)]() noexcept {
+                    for (std::size_t p = 0; p < planes; ++p) {
+                      float* const plane = to + p * length;
+                      normalise_row(from + p * length, plane, length, epsilon);
+                      for (std::size_t i = 0; i < length; ++i)
+                        plane[i] = plane[i] * gain[p % channels] + offset[p % channels];
+                    }
+                  });
 }
 
 }  // namespace takt::onnx_engine

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// MaxPool, AveragePool, GlobalAveragePool: every channel's plane by itself. Sums run in ascending order.
+// MaxPool, AveragePool, GlobalMaxPool, GlobalAveragePool: every channel's plane by itself. Sums run in ascending order.
 #include <cmath>
 #include <utility>
 
@@ -86,7 +86,11 @@ void build_max_pool(Builder& builder, const Node& node) {
   build_pool(builder, node, false, largest);
 }
 
-void build_global_average_pool(Builder& builder, const Node& node) {
+namespace {
+
+// `take(plane, size)` makes one element of each plane.
+template <class Take>
+void build_global_pool(Builder& builder, const Node& node, Take take) {
   const Value& in = node.float_input(0);
   if (in.shape.size() < 3) node.refuse("its input has no spatial dimensions");
   Shape shape(in.shape.size(), 1);
@@ -95,13 +99,27 @@ void build_global_average_pool(Builder& builder, const Node& node) {
   Value& out = builder.define_floats(node.output(), shape);
   builder.compute(out, {&in},
                   [from = in.floats, to = out.floats, planes = elements_between(in.shape, 0, 2),
-                   plane = elements_between(in.shape, 2, in.shape.size())]() noexcept {
-                    for (std::size_t p = 0; p < planes; ++p) {
-                      float sum = 0.0F;
-                      for (std::size_t i = 0; i < plane; ++i) sum += from[p * plane + i];
-                      to[p] = sum / static_cast<float>(plane);
-                    }
+                   plane = elements_between(in.shape, 2, in.shape.size()), take]() noexcept {
+                    for (std::size_t p = 0; p < planes; ++p) to[p] = take(from + p * plane, plane);
                   });
+}
+
+}  // namespace
+
+void build_global_average_pool(Builder& builder, const Node& node) {
+  build_global_pool(builder, node, [](const float* plane, std::size_t size) noexcept {
+    float sum = 0.0F;
+    for (std::size_t i = 0; i < size; ++i) sum += plane[i];
+    return sum / static_cast<float>(size);
+  });
+}
+
+void build_global_max_pool(Builder& builder, const Node& node) {
+  build_global_pool(builder, node, [](const float* plane, std::size_t size) noexcept {
+    float most = plane[0];
+    for (std::size_t i = 1; i < size; ++i) most = plane[i] <= most || std::isnan(most) ? most : plane[i];
+    return most;
+  });
 }
 
 }  // namespace takt::onnx_engine

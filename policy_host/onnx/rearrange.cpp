@@ -3,6 +3,8 @@
 //
 // All but Concat, and a Gather whose index an input decides, are one table: for each element of the result, where it
 // comes from.
+#include "policy_host/onnx/rearrange.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,9 +17,6 @@
 
 namespace takt::onnx_engine {
 
-namespace {
-
-// result[i] = in[from[i]]; the result is called `name`.
 void rearrange(Builder& builder, const std::string& name, const Value& in, const Shape& shape,
                std::vector<std::uint32_t> from) {
   if (in.type == ElementType::int64) {
@@ -32,12 +31,13 @@ void rearrange(Builder& builder, const std::string& name, const Value& in, const
   });
 }
 
-// Before a table of this many entries is made.
 void charge_table(Builder& builder, const Node& node, const Shape& shape) {
   const std::int64_t count = checked_elements(shape);
   if (count < 0) node.beyond(fmt::format("a result of shape {} is too large", to_text(shape)));
   builder.charge(static_cast<std::size_t>(count) * sizeof(std::uint32_t));
 }
+
+namespace {
 
 void rearrange_strided(Builder& builder, const Node& node, const Value& in, const Shape& shape,
                        const std::vector<std::int64_t>& steps, std::int64_t first, std::size_t output = 0) {

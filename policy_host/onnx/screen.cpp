@@ -6,6 +6,7 @@
 #include <onnx/onnx_pb.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
 #include "policy_host/onnx/node.hpp"
@@ -15,7 +16,6 @@ namespace takt::onnx_engine {
 
 namespace {
 
-constexpr std::int64_t oldest_opset = 8;
 constexpr std::int64_t newest_opset = 21;
 constexpr int most_nodes = 100'000;
 constexpr int deepest = 8;  // branches in branches
@@ -49,6 +49,8 @@ std::size_t stored_size(std::int32_t type) {
       return sizeof(std::int32_t);
     case onnx::TensorProto_DataType_INT64:
       return sizeof(std::int64_t);
+    case onnx::TensorProto_DataType_DOUBLE:
+      return sizeof(double);
     case onnx::TensorProto_DataType_BOOL:
       return 1;
     default:
@@ -63,6 +65,8 @@ std::size_t listed_elements(const onnx::TensorProto& tensor) {
       return static_cast<std::size_t>(tensor.float_data_size());
     case onnx::TensorProto_DataType_INT64:
       return static_cast<std::size_t>(tensor.int64_data_size());
+    case onnx::TensorProto_DataType_DOUBLE:
+      return static_cast<std::size_t>(tensor.double_data_size());
     default:
       return static_cast<std::size_t>(tensor.int32_data_size());
   }
@@ -71,9 +75,9 @@ std::size_t listed_elements(const onnx::TensorProto& tensor) {
 void screen_tensor(const onnx::TensorProto& tensor, const std::string& where) {
   const std::size_t size = stored_size(tensor.data_type());
   if (size == 0) {
-    const std::string why =
-        fmt::format("{} has data type {}; this engine takes FLOAT, INT32, INT64 and BOOL, export the model in float32",
-                    where, type_name(tensor.data_type()));
+    const std::string why = fmt::format(
+        "{} has data type {}; this engine takes FLOAT, DOUBLE, INT32, INT64 and BOOL, export the model in float32",
+        where, type_name(tensor.data_type()));
     if (is_no_type(tensor.data_type())) throw Refusal(why);
     throw Beyond(why);
   }
@@ -95,6 +99,7 @@ void screen_tensor(const onnx::TensorProto& tensor, const std::string& where) {
 
 // How much has been seen of a model, its branches included.
 struct Seen {
+  bool forms = true;  // whether inputs, outputs and attributes are compared too
   int nodes = 0;
   int depth = 0;
 };
@@ -140,11 +145,14 @@ bool has_word(std::string_view words, std::string_view word) {
 
 void screen_node(const onnx::NodeProto& node, Seen& seen) {
   if (!standard_domain(node.domain()) || find_operator(node.op_type()) == nullptr) {
-    throw Beyond(fmt::format("{} is not supported{}; supported operators: {}", describe(node),
-                             standard_domain(node.domain()) ? "" : " (domain " + node.domain() + ")",
-                             supported_operators()));
+    throw Beyond(fmt::format("{} is not supported{} (docs/policies.md)", describe(node),
+                             standard_domain(node.domain()) ? "" : ", of domain " + node.domain()));
   }
   const OperatorForm& form = form_of(node.op_type());
+  if (!seen.forms) {
+    for (const onnx::AttributeProto& attribute : node.attribute()) screen_attribute(node, attribute, seen);
+    return;
+  }
   if (static_cast<std::size_t>(node.input_size()) > form.most_inputs ||
       static_cast<std::size_t>(node.output_size()) > form.most_outputs) {
     throw Beyond(fmt::format("{} has {} inputs and {} outputs, more than this engine knows of", describe(node),
@@ -187,16 +195,39 @@ bool libonnx_knows(std::int64_t opset) {
 void screen_model(const onnx::ModelProto& model) {
   if (!model.has_graph() || model.graph().node_size() == 0) throw Refusal("it has no graph: is it an ONNX model?");
   const std::int64_t opset = opset_of(model);
-  if (opset < oldest_opset || opset > newest_opset) {
-    const std::string why = fmt::format("its opset is {}; this engine takes {} to {}, export it for one of those",
-                                        opset, oldest_opset, newest_opset);
+  if (opset < 1 || opset > newest_opset) {
+    const std::string why =
+        fmt::format("its opset is {}; this engine takes 1 to {}, export it for one of those", opset, newest_opset);
     if (opset < 1) throw Refusal(why);
     throw Beyond(why);
   }
   if (model.functions_size() > 0) throw Beyond("it defines functions of its own, which is not supported");
-  Seen seen;
+  // What operators of older opsets had goes when they are lifted; until then libonnx's checker compares it.
+  Seen seen{.forms = opset >= kOldestOpset};
   screen_graph(model.graph(), seen);
 }
+
+namespace {
+
+// Numbers of double precision are computed with in float32.
+Value& define_rounded(Builder& builder, const std::string& name, const onnx::TensorProto& tensor) {
+  const Shape shape = shape_of(tensor);
+  Value& value = builder.define_floats(name, shape);
+  for (std::size_t i = 0; i < elements(shape); ++i) {
+    double number = 0;
+    if (tensor.has_raw_data())
+      std::memcpy(&number, tensor.raw_data().data() + i * sizeof number, sizeof number);
+    else
+      number = tensor.double_data(static_cast<int>(i));
+    value.floats[i] = static_cast<float>(number);
+    if (std::isfinite(number) && !std::isfinite(value.floats[i]))
+      throw Beyond(fmt::format("tensor '{}' holds {}, which does not fit into float32", name, number));
+  }
+  value.constant = true;
+  return value;
+}
+
+}  // namespace
 
 Value& define_constant(Builder& builder, const std::string& name, const onnx::TensorProto& tensor) {
   const Shape shape = shape_of(tensor);
@@ -217,6 +248,7 @@ Value& define_constant(Builder& builder, const std::string& name, const onnx::Te
     }
     return builder.define_integers(name, shape, {integers.begin(), integers.end()});
   }
+  if (tensor.data_type() == onnx::TensorProto_DataType_DOUBLE) return define_rounded(builder, name, tensor);
   const bool truths = tensor.data_type() == onnx::TensorProto_DataType_BOOL;
   Value& value = builder.define_floats(name, shape, truths ? ElementType::boolean : ElementType::float32);
   if (truths) {

@@ -14,8 +14,12 @@ class TensorProto;
 
 namespace takt::onnx_engine {
 
+// The oldest opset whose operators are evaluated; older ones are lifted to it (lift.hpp).
+inline constexpr std::int64_t kOldestOpset = 8;
+
 // Throws Refusal (Beyond where another engine may know more) unless the model has one opset that this engine takes,
-// only supported operators with attributes, inputs and outputs that they have, and only tensors of a supported type
+// only supported operators with attributes, inputs and outputs that they have (from
+// kOldestOpset on), and only tensors of a supported type
 // whose data is exactly as long as the shape says. It needs no libonnx that knows the opset. Data of other files must
 // have been brought in (external_data.hpp).
 void screen_model(const onnx::ModelProto& model);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Equal, Greater, GreaterOrEqual, Less, LessOrEqual, and Where, which chooses by a truth.
+// Equal, Greater, GreaterOrEqual, Less, LessOrEqual; And, Or, Xor of truths; and Where, which chooses by one.
 //
 // Not a number has no truth: a comparison with it is not a number, and what Where chooses by it too. (The specification
 // says false; a policy must not act on that.)
@@ -84,6 +84,27 @@ void build_less(Builder& builder, const Node& node) {
 }
 void build_less_or_equal(Builder& builder, const Node& node) {
   build_comparison(builder, node, [](auto x, auto y) noexcept { return x <= y; });
+}
+
+namespace {
+
+template <class Join>
+void build_of_truths(Builder& builder, const Node& node, Join join) {
+  for (const std::size_t i : {std::size_t{0}, std::size_t{1}})
+    if (node.input(i).type != ElementType::boolean) node.refuse(fmt::format("input {} must be bool", i));
+  build_comparison(builder, node, join);
+}
+
+}  // namespace
+
+void build_and(Builder& builder, const Node& node) {
+  build_of_truths(builder, node, [](auto x, auto y) noexcept { return x != 0 && y != 0; });
+}
+void build_or(Builder& builder, const Node& node) {
+  build_of_truths(builder, node, [](auto x, auto y) noexcept { return x != 0 || y != 0; });
+}
+void build_xor(Builder& builder, const Node& node) {
+  build_of_truths(builder, node, [](auto x, auto y) noexcept { return (x != 0) != (y != 0); });
 }
 
 void build_where(Builder& builder, const Node& node) {

@@ -13,6 +13,18 @@ void build_identity(Builder& builder, const Node& node) {
   builder.define_view(node.output(), in.shape, in);
 }
 
+// Of a trained network: as it is.
+void build_dropout(Builder& builder, const Node& node) {
+  if (node.has_output(1)) node.beyond("its mask as an output is not supported");
+  if (node.has_input(2)) {
+    const Value& training = node.input(2);
+    if (!training.constant || training.type != ElementType::boolean || training.floats[0] != 0.0F)
+      node.beyond("training is not supported");
+  }
+  const Value& in = node.input(0);
+  builder.define_view(node.output(), in.shape, in);
+}
+
 void build_reshape(Builder& builder, const Node& node) {
   const Value& in = node.input(0);
   Shape shape = node.integer_input(1);

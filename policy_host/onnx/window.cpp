@@ -10,16 +10,19 @@ namespace takt::onnx_engine {
 
 namespace {
 
-struct Place {
-  std::int64_t row, column;
-};
+// Along each axis.
+using Place = std::array<std::int64_t, 3>;
 
 Place place(const Window& window, std::size_t position, std::size_t k) {
-  const auto [rows, columns] = window.axes;
-  const auto p = static_cast<std::int64_t>(position);
-  const auto element = static_cast<std::int64_t>(k);
-  return {(p / columns.output) * rows.stride + (element / columns.kernel) * rows.dilation - rows.pad_before,
-          (p % columns.output) * columns.stride + (element % columns.kernel) * columns.dilation - columns.pad_before};
+  auto p = static_cast<std::int64_t>(position), element = static_cast<std::int64_t>(k);
+  Place place{};
+  for (std::size_t d = window.axes.size(); d-- > 0;) {
+    const WindowAxis& axis = window.axes[d];
+    place[d] = (p % axis.output) * axis.stride + (element % axis.kernel) * axis.dilation - axis.pad_before;
+    p /= axis.output;
+    element /= axis.kernel;
+  }
+  return place;
 }
 
 bool within(std::int64_t at, std::int64_t low, std::int64_t high) {
@@ -56,26 +59,31 @@ void settle_output(const Node& node, WindowAxis& axis, bool round_up) {
 }  // namespace
 
 std::int64_t Window::source(std::size_t position, std::size_t k) const {
-  const auto [row, column] = place(*this, position, k);
-  if (!within(row, 0, axes[0].input) || !within(column, 0, axes[1].input)) return -1;
-  return row * axes[1].input + column;
+  const Place at = place(*this, position, k);
+  std::int64_t source = 0;
+  for (std::size_t d = 0; d < axes.size(); ++d) {
+    if (!within(at[d], 0, axes[d].input)) return -1;
+    source = source * axes[d].input + at[d];
+  }
+  return source;
 }
 
 bool Window::inside_padding(std::size_t position, std::size_t k) const {
-  const auto [row, column] = place(*this, position, k);
-  return within(row, -axes[0].pad_before, axes[0].input + axes[0].pad_after) &&
-         within(column, -axes[1].pad_before, axes[1].input + axes[1].pad_after);
+  const Place at = place(*this, position, k);
+  for (std::size_t d = 0; d < axes.size(); ++d)
+    if (!within(at[d], -axes[d].pad_before, axes[d].input + axes[d].pad_after)) return false;
+  return true;
 }
 
 Shape Window::output_shape(std::int64_t batch, std::int64_t channels) const {
   Shape shape{batch, channels};
-  for (std::size_t d = 2 - rank; d < 2; ++d) shape.push_back(axes[d].output);
+  for (std::size_t d = axes.size() - rank; d < axes.size(); ++d) shape.push_back(axes[d].output);
   return shape;
 }
 
 Window read_window(const Node& node, const Shape& input, const Shape& kernel) {
-  if (input.size() != 3 && input.size() != 4) {
-    node.beyond(fmt::format("an input of shape {} has not one or two spatial dimensions", to_text(input)));
+  if (input.size() < 3 || input.size() > 5) {
+    node.beyond(fmt::format("an input of shape {} has not one to three spatial dimensions", to_text(input)));
   }
   Window window;
   window.rank = input.size() - 2;
@@ -91,7 +99,7 @@ Window read_window(const Node& node, const Shape& input, const Shape& kernel) {
     node.beyond(fmt::format("auto_pad '{}' is not supported", automatic));
   }
   for (std::size_t d = 0; d < rank; ++d) {
-    WindowAxis& axis = window.axes[2 - rank + d];
+    WindowAxis& axis = window.axes[window.axes.size() - rank + d];
     if (sizes[d] < 1 || sizes[d] > (1 << 20)) node.refuse(fmt::format("a kernel of {} is not supported", sizes[d]));
     axis = {.input = input[2 + d],
             .kernel = sizes[d],

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The window that a convolution or a pooling moves over the last one or two dimensions of [batch, channels, ...].
+// The window that a convolution or a pooling moves over the last one to three dimensions of [batch, channels,
+// ...].
 #pragma once
 
 #include <array>
@@ -22,20 +23,25 @@ struct WindowAxis {
   std::int64_t pad_after = 0;
 };
 
-// Rows, then columns; an input with one spatial dimension has one row.
+// Layers, rows, columns; an input with fewer spatial dimensions has one layer, and one row.
 struct Window {
-  std::array<WindowAxis, 2> axes;
-  std::size_t rank = 2;  // spatial dimensions of the input
+  std::array<WindowAxis, 3> axes;
+  std::size_t rank = 3;  // spatial dimensions of the input
 
-  std::size_t kernel_size() const { return static_cast<std::size_t>(axes[0].kernel * axes[1].kernel); }
-  std::size_t input_size() const { return static_cast<std::size_t>(axes[0].input * axes[1].input); }
-  std::size_t output_size() const { return static_cast<std::size_t>(axes[0].output * axes[1].output); }
+  std::size_t kernel_size() const { return product(&WindowAxis::kernel); }
+  std::size_t input_size() const { return product(&WindowAxis::input); }
+  std::size_t output_size() const { return product(&WindowAxis::output); }
   // Where in a channel's plane output `position` finds kernel element `k`; -1: in the padding.
   std::int64_t source(std::size_t position, std::size_t k) const;
   // Whether it is inside the padded plane (a window that ceil_mode lets hang over is not).
   bool inside_padding(std::size_t position, std::size_t k) const;
   // [batch, channels, spatial dimensions of the output]
   Shape output_shape(std::int64_t batch, std::int64_t channels) const;
+
+ private:
+  std::size_t product(std::int64_t WindowAxis::*size) const {
+    return static_cast<std::size_t>(axes[0].*size * axes[1].*size * axes[2].*size);
+  }
 };
 
 // From the input's shape and the attributes kernel_shape (or `kernel` where the node has none), strides, pads,

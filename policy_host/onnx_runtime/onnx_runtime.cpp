@@ -6,14 +6,15 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
+#include <cstddef>
 #include <functional>
 #include <numeric>
 #include <string_view>
 #include <tuple>
-#include <type_traits>
 #include <utility>
-#include <variant>
+#include <vector>
+
+#include "policy_host/onnx_runtime/stored_numbers.hpp"
 
 namespace takt::onnx_runtime {
 
@@ -70,7 +71,6 @@ constexpr std::array kProviders{Provider{"cuda", "OrtSessionOptionsAppendExecuti
 
 constexpr std::uint32_t kFirstVersion = 1;
 constexpr int kFatalOnly = 4;  // what goes wrong is returned too, in one line
-constexpr int kFloat = 1, kInt32 = 6, kInt64 = 7;
 constexpr int kArenaAllocator = 1;
 constexpr int kDefaultMemory = 0;
 
@@ -203,23 +203,12 @@ class Library {
 
 namespace {
 
-// Of an input that has whole numbers, as the library is given them.
-struct WholeNumbers {
-  std::size_t input;
-  std::variant<std::vector<std::int32_t>, std::vector<std::int64_t>> values;
+// A tensor that the model has in another type than float32, as the library has it.
+struct Stored {
+  std::size_t tensor;
+  int element;
+  std::vector<std::byte> bytes;
 };
-
-// False: one of them is not a number, or does not fit.
-bool cut(std::span<const float> from, WholeNumbers& to) {
-  if (std::ranges::any_of(from, [](float value) { return !(std::abs(value) < 0x1p31F); })) return false;
-  std::visit(
-      [from](auto& whole) {
-        using Whole = typename std::remove_reference_t<decltype(whole)>::value_type;
-        std::ranges::transform(from, whole.begin(), [](float value) { return static_cast<Whole>(value); });
-      },
-      to.values);
-  return true;
-}
 
 std::size_t element_count(const Tensor& tensor) {
   return static_cast<std::size_t>(
@@ -244,7 +233,7 @@ struct Session::Parts {
   std::shared_ptr<Library> library;
   void* session = nullptr;
   std::vector<Tensor> inputs, outputs;
-  std::vector<WholeNumbers> whole;
+  std::vector<Stored> stored_inputs, stored_outputs;
   std::vector<const char*> input_names, output_names;
   std::vector<void*> input_values, output_values;
 
@@ -256,42 +245,31 @@ struct Session::Parts {
 
   // `elements`: their types.
   std::expected<void, std::string> bind_inputs(std::span<const int> elements) {
-    for (std::size_t i = 0; i < inputs.size(); ++i) {
-      Tensor& tensor = inputs[i];
-      const std::size_t count = element_count(tensor);
-      tensor.values.assign(count, 0.0F);
-      input_names.push_back(tensor.name.c_str());
-      input_values.push_back(nullptr);
-      void* data = tensor.values.data();
-      std::size_t bytes = count * sizeof(float);
-      if (elements[i] == kInt32) {
-        data = std::get<0>(whole.emplace_back(WholeNumbers{i, std::vector<std::int32_t>(count)}).values).data();
-        bytes = count * sizeof(std::int32_t);
-      } else if (elements[i] == kInt64) {
-        data = std::get<1>(whole.emplace_back(WholeNumbers{i, std::vector<std::int64_t>(count)}).values).data();
-        bytes = count * sizeof(std::int64_t);
-      } else if (elements[i] != kFloat) {
-        return std::unexpected(tensor.name + " is neither float32 nor of whole numbers");
-      }
-      if (const auto made = make_value(tensor, data, bytes, elements[i], input_values.back()); !made) return made;
-    }
-    return {};
+    return bind(inputs, elements, stored_inputs, input_names, input_values);
   }
   std::expected<void, std::string> bind_outputs(std::span<const int> elements) {
-    for (std::size_t i = 0; i < outputs.size(); ++i) {
-      Tensor& tensor = outputs[i];
-      if (elements[i] != kFloat) return std::unexpected(tensor.name + " is not float32, the only kind supported");
+    return bind(outputs, elements, stored_outputs, output_names, output_values);
+  }
+
+ private:
+  std::expected<void, std::string> bind(std::vector<Tensor>& tensors, std::span<const int> elements,
+                                        std::vector<Stored>& stored, std::vector<const char*>& names,
+                                        std::vector<void*>& values) const {
+    for (std::size_t i = 0; i < tensors.size(); ++i) {
+      Tensor& tensor = tensors[i];
       tensor.values.assign(element_count(tensor), 0.0F);
-      output_names.push_back(tensor.name.c_str());
-      output_values.push_back(nullptr);
-      const auto made =
-          make_value(tensor, tensor.values.data(), tensor.values.size() * sizeof(float), kFloat, output_values.back());
-      if (!made) return made;
+      names.push_back(tensor.name.c_str());
+      values.push_back(nullptr);
+      void* data = tensor.values.data();
+      const std::size_t bytes = tensor.values.size() * stored_bytes(elements[i]);
+      if (stored_bytes(elements[i]) == 0) return std::unexpected(tensor.name + " holds something else than numbers");
+      if (elements[i] != kFloat32)
+        data = stored.emplace_back(Stored{i, elements[i], std::vector<std::byte>(bytes)}).bytes.data();
+      if (const auto made = make_value(tensor, data, bytes, elements[i], values.back()); !made) return made;
     }
     return {};
   }
 
- private:
   std::expected<void, std::string> make_value(const Tensor& tensor, void* data, std::size_t bytes, int element,
                                               void*& value) const {
     return library->call<void*, void*, std::size_t, const std::int64_t*, std::size_t, int, void**>(
@@ -312,15 +290,20 @@ std::span<Tensor> Session::outputs() noexcept {
 }
 
 std::expected<void, std::string> Session::run() {
-  for (WholeNumbers& whole : parts_->whole) {
-    const Tensor& input = parts_->inputs[whole.input];
-    if (!cut(input.values, whole)) return std::unexpected(input.name + " is no whole number of 32 bits");
+  for (Stored& stored : parts_->stored_inputs) {
+    const Tensor& input = parts_->inputs[stored.tensor];
+    if (!store(input.values, stored.element, stored.bytes))
+      return std::unexpected(input.name + " holds NaN, or a number that its type in the model does not");
   }
-  return parts_->library
-      ->call<void*, void*, const char* const*, void* const*, std::size_t, const char* const*, std::size_t, void**>(
-          Place::run, parts_->session, nullptr, parts_->input_names.data(), parts_->input_values.data(),
-          parts_->input_values.size(), parts_->output_names.data(), parts_->output_values.size(),
-          parts_->output_values.data());
+  auto ran =
+      parts_->library
+          ->call<void*, void*, const char* const*, void* const*, std::size_t, const char* const*, std::size_t, void**>(
+              Place::run, parts_->session, nullptr, parts_->input_names.data(), parts_->input_values.data(),
+              parts_->input_values.size(), parts_->output_names.data(), parts_->output_values.size(),
+              parts_->output_values.data());
+  for (const Stored& stored : parts_->stored_outputs)
+    read(stored.bytes, stored.element, parts_->outputs[stored.tensor].values);
+  return ran;
 }
 
 OnnxRuntime::OnnxRuntime(std::shared_ptr<Library> library) : library_(std::move(library)) {}
@@ -368,7 +351,7 @@ std::vector<int> elements_of(const Library::Listed& listed, const std::vector<Te
   for (const Tensor& tensor : tensors) {
     const auto found = std::ranges::find(listed.tensors, tensor.name, &Tensor::name);
     elements.push_back(found == listed.tensors.end()
-                           ? kFloat
+                           ? kFloat32
                            : listed.elements[static_cast<std::size_t>(found - listed.tensors.begin())]);
   }
   return elements;

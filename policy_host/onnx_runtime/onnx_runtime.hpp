@@ -22,7 +22,7 @@
 namespace takt::onnx_runtime {
 
 // A tensor of a model by name; `values` is its storage, as many floats as the shape says, and stays where it is.
-// float32 in the model; an input may be int32 or int64 there, whose values are cut to whole numbers on every run.
+// In the model its elements may be of any type of numbers: store() and read() of stored_numbers.hpp, on every run.
 struct Tensor {
   std::string name;
   std::vector<std::int64_t> shape;

@@ -125,10 +125,66 @@ TEST(Elementwise, NotANumberIsNeverChosenAway) {
   for (const char* op : {"MaxPool", "AveragePool"}) {
     ends_as_nan([op](GraphMaker& maker) { maker.node(op, {"x"}, {"y"}).with("kernel_shape", Dims{2}); });
   }
-  for (const char* op : {"ReduceL2", "ReduceMean", "Softplus", "Gelu", "Abs", "Exp", "Log", "Sin", "Cos"}) {
+  for (const char* op : {"ReduceL2",
+                         "ReduceMean",
+                         "Softplus",
+                         "Gelu",
+                         "Abs",
+                         "Exp",
+                         "Log",
+                         "Sin",
+                         "Cos",
+                         "Acos",
+                         "Acosh",
+                         "Asin",
+                         "Asinh",
+                         "Atan",
+                         "Atanh",
+                         "Cosh",
+                         "Sinh",
+                         "Tan",
+                         "Ceil",
+                         "Floor",
+                         "Round",
+                         "Sign",
+                         "Selu",
+                         "Celu",
+                         "HardSigmoid",
+                         "HardSwish",
+                         "ThresholdedRelu",
+                         "Shrink",
+                         "Softsign",
+                         "Mish",
+                         "ReduceMax",
+                         "ReduceMin",
+                         "ReduceProd",
+                         "ReduceL1",
+                         "ReduceLogSum",
+                         "ReduceLogSumExp",
+                         "ReduceSumSquare",
+                         "LogSoftmax",
+                         "Hardmax",
+                         "GlobalMaxPool",
+                         "Dropout",
+                         "Mean",
+                         "Sum"}) {
     ends_as_nan([op](GraphMaker& maker) {
       maker.model.mutable_opset_import(0)->set_version(20);
       maker.node(op, {"x"}, {"y"});
+    });
+  }
+  for (const char* op : {"ArgMax", "ArgMin"}) {
+    ends_as_nan([op](GraphMaker& maker) {
+      maker.node(op, {"x"}, {"i"}).with("axis", std::int64_t{2});
+      maker.node("Cast", {"i"}, {"y"}).with("to", std::int64_t{onnx::TensorProto_DataType_FLOAT});
+    });
+  }
+  for (const char* op : {"And", "Or", "Xor"}) {
+    ends_as_nan([op](GraphMaker& maker) {
+      maker.node("Greater", {"x", "one"}, {"t"});
+      maker.node("Not", {"t"}, {"n"});
+      maker.node(op, {"n", "t"}, {"u"});
+      maker.node("Where", {"u", "one", "two"}, {"y"});
     });
   }
   ends_as_nan([](GraphMaker& maker) {
@@ -136,6 +192,30 @@ TEST(Elementwise, NotANumberIsNeverChosenAway) {
     maker.node("Cast", {"x"}, {"i"}).with("to", std::int64_t{onnx::TensorProto_DataType_INT64});
     maker.node("Gather", {"table", "i"}, {"y"});
   });
+}
+
+// As token ids and masks are: written as floats, cut to whole numbers and truths, and read as floats again.
+TEST(Elementwise, WholeNumbersAndTruthsFromOutside) {
+  GraphMaker maker;
+  maker.input("i", {3}).input("t", {3}).output("sum").output("quotient").output("either").output("known");
+  maker.integers("two", {1}, {2});
+  maker.graph().mutable_input(0)->mutable_type()->mutable_tensor_type()->set_elem_type(
+      onnx::TensorProto_DataType_INT64);
+  maker.graph().mutable_input(1)->mutable_type()->mutable_tensor_type()->set_elem_type(onnx::TensorProto_DataType_BOOL);
+  for (const int whole : {0, 1, 3})
+    maker.graph().mutable_output(whole)->mutable_type()->mutable_tensor_type()->set_elem_type(
+        onnx::TensorProto_DataType_INT64);
+  maker.graph().mutable_output(2)->mutable_type()->mutable_tensor_type()->set_elem_type(
+      onnx::TensorProto_DataType_BOOL);
+  maker.node("Add", {"i", "two"}, {"sum"});
+  maker.node("Div", {"i", "two"}, {"quotient"});
+  maker.node("Not", {"t"}, {"either"});
+  maker.node("Shape", {"i"}, {"known"});
+  const std::vector<std::vector<float>> inputs{{-7.9F, 0.0F, 7.0F}, {0.0F, -3.0F, 1.0F}};
+  expect_near(evaluate(maker, inputs, 0), {3}, {-5, 2, 9});
+  expect_near(evaluate(maker, inputs, 1), {3}, {-3, 0, 3});
+  expect_near(evaluate(maker, inputs, 2), {3}, {1, 0, 0});
+  expect_near(evaluate(maker, inputs, 3), {1}, {3});
 }
 
 TEST(Elementwise, RefusesShapesThatDoNotBroadcastAndDivisionByZero) {
