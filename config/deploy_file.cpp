@@ -11,6 +11,7 @@
 #include <ranges>
 
 #include "config/document.hpp"
+#include "config/export_reader.hpp"
 #include "config/exported_name.hpp"
 #include "config/units.hpp"
 #include "executive/contract/joints.hpp"
@@ -25,9 +26,9 @@ constexpr auto kActions =
                                                                   {"JointVelocityAction", "joint_velocity"},
                                                                   {"JointEffortAction", "joint_torque"}});
 
-class DeployReader {
+class DeployReader : private ExportReader {
  public:
-  DeployReader(Problems& problems, const std::vector<std::string>& inputs) : problems_(problems), inputs_(inputs) {}
+  DeployReader(Problems& problems, const std::vector<std::string>& inputs) : ExportReader(problems), inputs_(inputs) {}
 
   DeployFile read(const Node& root) {
     DeployFile file;
@@ -49,62 +50,19 @@ class DeployReader {
   }
 
  private:
-  const Node* need(const Node& map, std::string_view key, Node::Kind kind) {
-    const Node* node = map.find(key);
-    if (node && node->kind == kind) return node;
-    problems_.add(
-        node ? node->place : map.place,
-        fmt::format("`{}` is missing or holds something else than {}; export it again", key, kind_name(kind)));
-    return nullptr;
-  }
-
   void refuse_unfit(const Node& key, std::string_view what) {
     if (const std::string why = why_no_name(key.text); !why.empty())
       problems_.add(key.place, fmt::format("{} {}", what, why));
   }
 
-  std::optional<double> value_of(const Node& node) {
-    const auto value = node.kind == Node::Kind::scalar ? parse_number(node.text) : std::unexpected(std::string());
-    if (value) return *value;
-    problems_.add(node.place, "is not a number; export it again");
-    return std::nullopt;
-  }
-
-  std::optional<double> number(const Node& map, std::string_view key) {
-    const Node* node = need(map, key, Node::Kind::scalar);
-    return node ? value_of(*node) : std::nullopt;
-  }
-
   std::vector<double> numbers(const Node& map, std::string_view key, std::size_t count) {
-    std::vector<double> values;
-    const Node* node = need(map, key, Node::Kind::sequence);
-    if (!node) return values;
-    if (count != 0 && node->items.size() != count)
-      problems_.add(node->place, fmt::format("`{}` has {} values, joint_ids_map {}; export it again", key,
-                                             node->items.size(), count));
-    for (const Node& item : node->items) values.push_back(value_of(item).value_or(0));
-    return values;
+    return ExportReader::numbers(map, key, count, "joint_ids_map");
   }
 
   void read_joints(const Node& root, DeployFile& file) {
     const std::vector<double> map = numbers(root, "joint_ids_map", 0);
-    for (const double value : map) {
-      const bool whole = value >= 0 && value < static_cast<double>(kMaxJoints) && value == std::floor(value);
-      const auto slot = static_cast<std::size_t>(whole ? value : 0);
-      if (!whole || std::ranges::find(file.slot, slot) != file.slot.end()) {
-        problems_.add(root.find("joint_ids_map")->place,
-                      fmt::format("joint_ids_map must name a slot of 0..{} for each joint, none twice; export it again",
-                                  kMaxJoints - 1));
-        file.slot.clear();
-        return;
-      }
-      file.slot.push_back(slot);
-    }
-    const std::vector<std::size_t> of_policy = file.slot;
-    std::ranges::sort(file.slot);
-    for (const std::size_t slot : of_policy)
-      file.robot_joint.push_back(
-          static_cast<std::size_t>(std::ranges::lower_bound(file.slot, slot) - file.slot.begin()));
+    const Node* const written = root.find("joint_ids_map");
+    read_slots(map, written ? written->place : root.place, "joint_ids_map", file);
   }
 
   // One value per joint, or one per slot, free ones too.
@@ -339,15 +297,6 @@ class DeployReader {
       for (double& bound : term.clip) bound /= term.scale.front();
   }
 
-  // Keys that say something here or are known to say nothing of the robot; others are named as lost.
-  static void note_others(const Node& map, std::initializer_list<std::string_view> known, const std::string& of,
-                          DeployFile& file) {
-    for (const Entry& entry : map.entries)
-      if (std::ranges::find(known, entry.key.text) == known.end() && entry.value.kind != Node::Kind::null)
-        file.notes.push_back(fmt::format("{}{}: Takt does not know this key", of, entry.key.text));
-  }
-
-  Problems& problems_;
   const std::vector<std::string>& inputs_;  // the network's
 };
 
@@ -360,7 +309,10 @@ std::expected<DeployFile, std::string> read_deploy_file(std::string_view text, c
   if (problems.empty() && root.kind != Node::Kind::map)
     problems.add(root.place, "is no deploy.yaml: a section with joint_ids_map, actions and observations is expected");
   if (!problems.empty()) return std::unexpected(problems.text());
-  DeployFile file = DeployReader(problems, inputs).read(root);
+  const Node* const rl_sar = section_of_rl_sar(root);
+  DeployFile file = rl_sar != nullptr             ? read_rl_sar_file(*rl_sar, problems)
+                    : root.find("kps") != nullptr ? read_rl_gym_file(root, problems)
+                                                  : DeployReader(problems, inputs).read(root);
   if (!problems.empty()) return std::unexpected(problems.text());
   return file;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The deploy.yaml that Isaac Lab based tools (Unitree RL Lab's exporter) write beside an exported policy: what it says,
-// as values. Python tags in it are data and are never executed.
+// as values; likewise the files that rl_sar's and unitree_rl_gym's deployment programs read. Python tags in them are
+// data and are never executed.
 //
 // Orders, as that exporter writes them: `joint_ids_map[k]` is the motor slot of the policy's joint k; stiffness and
 // damping are in the slots' order; default_joint_pos, action scale and offset are in the policy's. A robot with fewer
@@ -51,14 +52,16 @@ struct DeployFile {
   std::vector<std::size_t> slot;                    // of each of the robot's joints; ascending
   Duration step_dt;                                 // 0: not said
   std::vector<double> stiffness, damping;           // robot's order
+  std::vector<double> torque;                       // likewise, Nm; empty: not said
   std::vector<double> default_position;             // policy's order
   std::vector<double> action_scale, action_offset;  // likewise, or one for all; empty: not said
   std::vector<std::size_t> action_joints;           // of each output, robot's order; empty: as the policy's
   std::string action_kind = "joint_position";       // as policy.action.kind
   std::vector<std::string> inputs;                  // that the terms fill, one after the other; empty: the only one
   bool history_by_time = false;                     // all terms of an instant together, else each term's history
+  bool newest_first = false;                        // of a history
   std::vector<DeployTerm> terms;
-  std::vector<std::pair<std::string, std::pair<double, double>>> command_ranges;  // "lin_vel_x", [min, max]
+  std::vector<std::pair<std::string, std::pair<double, double>>> command_ranges;  // "lin_vel_x", [min, max]; NaN: not said
   std::vector<std::string> notes;    // what the file asks for and an import does not carry over
   std::vector<std::string> remarks;  // what is to be known of what it does carry over
   std::optional<DeployTensors> tensors;

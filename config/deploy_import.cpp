@@ -234,7 +234,9 @@ const ModelJoint* find_in_model(const ImportOptions& options, const std::string&
 }
 
 // A simulated robot without a policy needs none that is known.
-std::string torque_text(const ModelJoint& joint, const ImportOptions& options) {
+std::string torque_text(const ModelJoint& joint, const DeployFile& deploy, std::size_t index,
+                        const ImportOptions& options) {
+  if (!joint.torque && index < deploy.torque.size()) return listed_or_unfilled(deploy.torque, index, "Nm");
   const bool is_made_up = options.simulated && options.policy_file.empty() && !joint.torque;
   return or_unfilled(is_made_up ? std::optional(kMadeUpTorque) : joint.torque, "Nm");
 }
@@ -278,8 +280,8 @@ std::string joints_text(const DeployFile& deploy, const ImportOptions& options) 
         "    inertia: {10}\n"
         "    home: {11}\n",
         name, wiring.bus, wiring.id, wiring.reply_id, or_unfilled(end(false), "rad"), or_unfilled(end(true), "rad"),
-        own_limits_text(known, options), torque_text(known, options), listed_or_unfilled(deploy.stiffness, j, "Nm/rad"),
-        listed_or_unfilled(deploy.damping, j, "Nms/rad"),
+        own_limits_text(known, options), torque_text(known, deploy, j, options),
+        listed_or_unfilled(deploy.stiffness, j, "Nm/rad"), listed_or_unfilled(deploy.damping, j, "Nms/rad"),
         or_unfilled(in_model == nullptr ? std::nullopt : std::optional(known.inertia), "kgm2"),
         listed_or_unfilled(home, j, "rad"));
   }
@@ -294,13 +296,13 @@ bool reads_imu(const DeployFile& deploy) {
 
 // Limits as the deploy file has them; nobody speaking means: stand still, as near as they allow.
 std::string command_sensor_text(const DeployFile& deploy, const std::string& timeout) {
-  std::vector<double> low, high, absent;
-  std::vector<std::string> names;
+  std::vector<std::string> names, low, high, absent;
   for (const auto& [name, range] : deploy.command_ranges) {
+    const bool said = !std::isnan(range.first);
     names.push_back(on_one_line(name));
-    low.push_back(range.first);
-    high.push_back(range.second);
-    absent.push_back(std::clamp(0.0, range.first, range.second));
+    low.push_back(said ? fmt::format("{}", range.first) : kUnfilled);
+    high.push_back(said ? fmt::format("{}", range.second) : kUnfilled);
+    absent.push_back(said ? fmt::format("{}", std::clamp(0.0, range.first, range.second)) : "0");
   }
   return fmt::format(
       "  - name: velocity_command   # {}\n"
@@ -420,9 +422,11 @@ std::string policy_text(const DeployFile& deploy, const ImportOptions& options) 
       "{}{}"
       "  joint_order: [{}]\n"
       "  history_layout: {}\n"
+      "{}"
       "  observation:\n{}{}",
       in_quotes(options.policy_file), duration_or_unfilled(deploy.step_dt), steps_text(deploy), names,
-      fmt::join(order, ", "), deploy.history_by_time ? "by_time" : "by_term", terms_text(deploy, options),
+      fmt::join(order, ", "), deploy.history_by_time ? "by_time" : "by_term",
+      deploy.newest_first ? "  history_order: newest_first\n" : "", terms_text(deploy, options),
       action_text(deploy, options));
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // takt config new | import: a robot file to fill in, from a robot's model, and from what an export knows: a deploy.yaml
-// of Isaac Lab and Unitree's tools, the YAML of a LEAPP bundle, or the metadata in an ONNX file of exploy's, mjlab's
-// and whole_body_tracking's exporters.
+// of Isaac Lab and Unitree's tools, the configuration of rl_sar or unitree_rl_gym, the YAML of a LEAPP bundle, or the
+// metadata in an ONNX file of exploy's, mjlab's and whole_body_tracking's exporters.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -182,7 +182,7 @@ int write_new(const std::string& path, const std::string& text) {
 
 int import(Given given) {
   if (given.policy_file.empty() && !is_policy(given))
-    return refuse(kExitUsage, "--policy is missing: a deploy.yaml does not name its ONNX file");
+    return refuse(kExitUsage, "--policy is missing: this export does not name its ONNX file");
   if (given.policy_file.empty()) given.policy_file = given.export_file;
   if (const auto hash = config::policy_hash(given.policy_file); !hash)
     return refuse(config::kExitBadConfiguration, hash.error());
@@ -254,11 +254,11 @@ void add_config_import(CLI::App& config, int& exit_code) {
   command
       ->add_option(
           "EXPORT", given->export_file,
-          "deploy.yaml (its Python tags are never executed), a LEAPP bundle's YAML, or an ONNX file with metadata of "
-          "exploy, mjlab or whole_body_tracking")
+          "deploy.yaml (its Python tags are never executed), a configuration of rl_sar or unitree_rl_gym, a LEAPP "
+          "bundle's YAML, or an ONNX file with metadata of exploy, mjlab or whole_body_tracking")
       ->required();
   command->add_option("--policy", given->policy_file,
-                      "the exported ONNX file; default: EXPORT, where it is one or a bundle");
+                      "the exported ONNX or TorchScript file; default: EXPORT, where it is one or a bundle");
   command->add_option("--model", given->model_file,
                       "the robot's MJCF or URDF: names, position limits, torques, inertias, IMU, keyframe");
   command->add_option("--mesh-path", given->mesh_path, kMeshPathText);
