@@ -76,12 +76,18 @@ std::string source_text(const RobotConfig& robot, const ObservationTerm& term) {
   return {};
 }
 
+// One number for all, or all of them.
+std::string numbers_text(const std::vector<double>& values) {
+  const bool equal = std::ranges::all_of(values, [&](double value) { return value == values.front(); });
+  return equal ? fmt::format("{}", values.front()) : fmt::format("[{}]", fmt::join(values, ", "));
+}
+
 // What becomes of the value on its way: (scale * clipped - mean) / std.
 std::string shown_text(const ObservationTerm& term) {
   std::string text;
   const auto add = [&](const char* what, const std::vector<double>& values, double none) {
     if (std::ranges::all_of(values, [&](double value) { return value == none; })) return;
-    text += values.size() == 1 ? fmt::format(", {} {}", what, values.front()) : fmt::format(", {} one each", what);
+    text += fmt::format(", {} {}", what, numbers_text(values));
   };
   if (!term.clip.empty()) text += fmt::format(", clipped to [{}]", fmt::join(term.clip, ", "));
   add("times", term.scale, 1);
@@ -123,6 +129,38 @@ std::vector<std::string> bound_lines(std::span<const FilledTensor> inputs, const
     }
   }
   return lines;
+}
+
+std::string action_line(const RobotConfig& robot) {
+  const config::Action& action = robot.policy->action;
+  const std::size_t joints = action.joint_of_output.empty() ? robot.joints.size() : action.joint_of_output.size();
+  const auto kind = [&](const char* name, const char* unit) {
+    return fmt::format("{}: {} of {} joints, {}, times {}", robot.policy->output, name, joints, unit,
+                       action.scale.empty() ? "1" : numbers_text(action.scale));
+  };
+  std::string text;
+  switch (action.kind) {
+    case config::ActionKind::joint_position:
+      text = kind("joint_position", "rad");
+      break;
+    case config::ActionKind::joint_velocity:
+      text = kind("joint_velocity", "rad/s");
+      break;
+    case config::ActionKind::joint_torque:
+      text = kind("joint_torque", "Nm");
+      break;
+  }
+  switch (action.offset) {
+    case config::OffsetKind::home:
+      return text + ", from home";
+    case config::OffsetKind::zero:
+      return text + ", from zero";
+    case config::OffsetKind::measured:
+      return text + ", from the measured position";
+    case config::OffsetKind::values:
+      return text + ", from " + numbers_text(action.offset_values);
+  }
+  return text;
 }
 
 }  // namespace takt::policy_host

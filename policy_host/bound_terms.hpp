@@ -19,5 +19,7 @@ struct FilledTensor {
 
 // One line per term. Preconditions: robot.policy; the terms fill `inputs` one after the other (policy_fit.hpp).
 std::vector<std::string> bound_lines(std::span<const FilledTensor> inputs, const config::RobotConfig& robot);
+// What becomes of the actions: "actions: joint_position of 12 joints, times 0.25, from home, rad".
+std::string action_line(const config::RobotConfig& robot);
 
 }  // namespace takt::policy_host

@@ -130,11 +130,15 @@ std::expected<void, std::string> check_fit(const RobotConfig& robot, const Polic
   const std::size_t output = config::output_width(robot);
   if (output != policy.output_size()) {
     const std::size_t tensors = config::named_outputs(section).size();
+    // Of one step, as actors give it: a distribution, or actions for other joints.
+    const bool twice = section.steps == 1 && policy.output_size() == 2 * output;
+    const char* const cure = twice ? "export the mean alone if the rest are deviations, or correct policy.action"
+                             : section.steps == 1 ? "correct policy.action"
+                                                  : "correct policy.steps or policy.action";
     return std::unexpected(
-        fmt::format("{}: {} gives {} values, the configuration wants {}: {} steps x {} outputs{}; correct "
-                    "policy.steps or policy.action in {}",
+        fmt::format("{}: {} gives {} values, the configuration wants {}: {} steps x {} outputs{}; {} in {}",
                     section.file, section.output, policy.output_size(), output, section.steps, outputs_per_step(robot),
-                    tensors > 1 ? fmt::format(" x {} tensors", tensors) : "", robot.file));
+                    tensors > 1 ? fmt::format(" x {} tensors", tensors) : "", cure, robot.file));
   }
   return {};
 }

@@ -145,11 +145,18 @@ nlohmann::json fit_json(const config::RobotConfig& robot, const policy_host::Pol
   return {{"name", robot.robot}, {"values_in", policy.input_size()}, {"values_out", policy.output_size()}};
 }
 
+std::vector<std::string> terms_and_action(std::span<const policy_host::FilledTensor> inputs,
+                                          const config::RobotConfig& robot) {
+  std::vector<std::string> lines = policy_host::bound_lines(inputs, robot);
+  lines.push_back(policy_host::action_line(robot));
+  return lines;
+}
+
 // A plugin does not say what its network's inputs are: where there are several, they are one here.
 std::vector<std::string> bound_by_plugin(const config::RobotConfig& robot) {
   const policy_host::FilledTensor all{robot.policy->input.contains(',') ? "observation" : robot.policy->input,
                                       config::observation_width(robot)};
-  return policy_host::bound_lines(std::span(&all, 1), robot);
+  return terms_and_action(std::span(&all, 1), robot);
 }
 
 std::vector<std::string> bound_by(const config::RobotConfig& robot, const OnnxReading& reading) {
@@ -161,7 +168,7 @@ std::vector<std::string> bound_by(const config::RobotConfig& robot, const OnnxRe
                                                      return size * static_cast<std::size_t>(dimension);
                                                    })});
   }
-  return policy_host::bound_lines(inputs, robot);
+  return terms_and_action(inputs, robot);
 }
 
 // Joints' gains and poses that are others than an exporter says; numbers of single precision.

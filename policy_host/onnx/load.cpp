@@ -21,6 +21,7 @@
 
 #include "policy_host/onnx/builder.hpp"
 #include "policy_host/onnx/external_data.hpp"
+#include "policy_host/onnx/foreign_format.hpp"
 #include "policy_host/onnx/lift.hpp"
 #include "policy_host/onnx/memory.hpp"
 #include "policy_host/onnx/model.hpp"
@@ -234,6 +235,8 @@ std::expected<void, std::string> parse(std::span<const std::byte> bytes, std::st
   if (screen_wire(bytes, *onnx::ModelProto::descriptor()) &&
       model.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
     return {};
+  if (const std::string foreign = foreign_format(bytes); !foreign.empty())
+    return std::unexpected(one_line(name, foreign + ", or run it by --policy-host"));
   return std::unexpected(one_line(name,
                                   "not an ONNX model, or cut short; what another engine or a Python policy reads "
                                   "runs by --policy-host"));

@@ -38,6 +38,15 @@ TEST_F(ModelTextTest, AFileByItselfIsAsItIsWithoutComments) {
   EXPECT_EQ(model_bytes(path).value(), std::string(std::istreambuf_iterator<char>(file), {}));
 }
 
+TEST_F(ModelTextTest, XacroIsNamedAsSuch) {
+  const std::string path = put("r.xacro", "<robot xmlns:xacro='x'><xacro:property name='a' value='1'/></robot>");
+  const auto model = read_model_text(path);
+  ASSERT_FALSE(model);
+  EXPECT_THAT(model.error(), HasSubstr(path + ": is xacro"));
+  EXPECT_TRUE(read_model_text(put("r.urdf", "<robot xmlns:xacro='x'><!-- <xacro:a/> --><link name='a'/></robot>")))
+      << "what xacro wrote";
+}
+
 TEST_F(ModelTextTest, WhatIsIncludedStandsWhereItIsIncluded) {
   put("robot.xml", "<mujoco model='r'>\n  <body/>\n  <include file=\"parts/leg.xml\"/>\n  <arm/>\n</mujoco>\n");
   const std::string leg = put("parts/leg.xml", "<mujocoinclude>\n<leg/></mujocoinclude>");

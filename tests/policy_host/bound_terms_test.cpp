@@ -23,6 +23,29 @@ TEST(BoundTerms, HavePlacesUnitsAndWhatBecomesOfThem) {
                    "obs 7..9: last_action of 3 joints, as the network gave it"}));
 }
 
+TEST(BoundTerms, ScalesThatDifferAreListed) {
+  auto robot = small_robot();
+  robot.policy->observation[0].scale = {0.5, 1, 2};
+  const FilledTensor obs{"obs", 10};
+  EXPECT_EQ(bound_lines({&obs, 1}, robot)[0],
+            "obs 0..2: joint_position_relative of 3 joints, rad from home, times [0.5, 1, 2]");
+}
+
+TEST(BoundTerms, ActionsAreSaidWithScaleAndOffset) {
+  auto robot = small_robot();
+  config::Action& action = robot.policy->action;
+  action.scale = {0.25};
+  EXPECT_EQ(action_line(robot), "actions: joint_position of 3 joints, rad, times 0.25, from home");
+  action = {.kind = config::ActionKind::joint_velocity,
+            .interpolation = {},
+            .join = {},
+            .scale = {1, 2},
+            .offset = config::OffsetKind::values,
+            .offset_values = {0.1, -0.1},
+            .joint_of_output = {2, 0}};
+  EXPECT_EQ(action_line(robot), "actions: joint_velocity of 2 joints, rad/s, times [1, 2], from [0.1, -0.1]");
+}
+
 TEST(BoundTerms, OfSeveralInputsEachHasItsOwn) {
   auto robot = small_robot();
   robot.sensors[0].unit = "m/s";

@@ -36,6 +36,17 @@ TEST(PolicyFit, NamesBothOutputSizesAndTheProduct) {
       "policy.action in small.yaml");
 }
 
+// An actor's mean and deviations are no chunk of two steps.
+TEST(PolicyFit, TwiceTheOutputsOfOneStepInviteNoSecondStep) {
+  auto robot = small_robot();
+  robot.policy->steps = 1;
+  const auto fits = check_fit(robot, ScriptedPolicy(10, 6));
+  ASSERT_FALSE(fits);
+  EXPECT_EQ(fits.error(),
+            "small.onnx: actions gives 6 values, the configuration wants 3: 1 steps x 3 outputs; export the mean alone "
+            "if the rest are deviations, or correct policy.action in small.yaml");
+}
+
 TEST(PolicyFit, RefusesARecurrentPolicyWithSeveralRequestsInFlight) {
   auto robot = small_robot();
   robot.policy->requests_in_flight = 3;

@@ -50,7 +50,8 @@ TEST_F(PolicyCli, CheckSaysWhichValuesComeFromWhichTerm) {
        {"bound          obs 0..5: joint_position_relative of 6 joints, rad from home\n",
         "bound          obs 6..11: joint_velocity of 6 joints, rad/s, times 0.1\n",
         "bound          obs 12..17: sensor target, 3 values, unit unstated, 2 instants, oldest first\n",
-        "bound          obs 18..23: last_action of 6 joints, as the network gave it\n"})
+        "bound          obs 18..23: last_action of 6 joints, as the network gave it\n",
+        "bound          actions: joint_position of 6 joints, rad, times "})
     EXPECT_NE(ended.output.find(line), std::string::npos) << line << "\n" << ended.output;
 }
 

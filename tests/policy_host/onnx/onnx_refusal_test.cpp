@@ -154,6 +154,23 @@ TEST(Refusal, WhatNetworksHaveIsNoFlood) {
   EXPECT_EQ(heavy.refusal(), "");
 }
 
+TEST(Refusal, OtherFormatsAreNamed) {
+  using namespace std::string_literals;
+  const std::vector<std::pair<std::string, std::string>> files{
+      {"PK\x03\x04..policy/data.pkl..policy/constants.pkl", "is TorchScript, not ONNX"},
+      {"PK\x03\x04..archive/data.pkl", "is weights that PyTorch saved"},
+      {"PK\x03\x04..model.weights.h5", "is a Keras archive"},
+      {"PK\x03\x04..readme.txt", "is a ZIP archive"},
+      {"\x20\0\0\0\0\0\0\0{\"a.weight\":{}}"s, "is safetensors"},
+      {"\x1c\0\0\0TFL3..........."s, "is TensorFlow Lite"},
+      {"\x89HDF\r\n\x1a\n......."s, "is HDF5"},
+      {"\x80\x04\x95......"s, "is a Python pickle"},
+      {"<?xml version=\"1.0\"?><net name=\"a\" version=\"11\"/>", "is an OpenVINO network"},
+      {"<mujoco/>", "is XML, not ONNX"},
+      {"ptrt........", "is a TensorRT engine"}};
+  for (const auto& [bytes, part] : files) expect_sentence(refusal_of_bytes(bytes), {part, "--policy-host"});
+}
+
 TEST(Refusal, WhatProtobufDoesNotWriteIsNoModel) {
   const std::string no_number(1, '\0'), endless(11, '\xff');
   for (const std::string& bytes : {std::string("\x3a\x05"), std::string("\x3b\x3c"), no_number, endless})
