@@ -61,7 +61,8 @@ struct DeployFile {
   bool history_by_time = false;                     // all terms of an instant together, else each term's history
   bool newest_first = false;                        // of a history
   std::vector<DeployTerm> terms;
-  std::vector<std::pair<std::string, std::pair<double, double>>> command_ranges;  // "lin_vel_x", [min, max]; NaN: not said
+  std::vector<std::pair<std::string, std::pair<double, double>>>
+      command_ranges;                // "lin_vel_x", [min, max]; NaN: not said
   std::vector<std::string> notes;    // what the file asks for and an import does not carry over
   std::vector<std::string> remarks;  // what is to be known of what it does carry over
   std::optional<DeployTensors> tensors;

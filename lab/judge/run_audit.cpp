@@ -52,12 +52,9 @@ std::string audit_text(const RunAudit& audit) {
 }
 
 nlohmann::ordered_json to_json(const RunAudit& audit) {
-  nlohmann::ordered_json json{{"schema", kRunAuditSchema},
-                              {"run_id", audit.run_id},
-                              {"consistent", audit.is_consistent()},
-                              {"audit_ready", audit.is_ready()},
-                              {"seal", nullptr},
-                              {"replay", nullptr}};
+  nlohmann::ordered_json json{
+      {"schema", kRunAuditSchema},       {"run_id", audit.run_id}, {"consistent", audit.is_consistent()},
+      {"audit_ready", audit.is_ready()}, {"seal", nullptr},        {"replay", nullptr}};
   if (audit.seal)
     json["seal"] = {{"closed", audit.seal->closed},
                     {"files", audit.seal->files},
