@@ -166,6 +166,8 @@ def check_edits(folder, public, count):
         else:
             wrong.append(f"{kind} in {name}: '{refusal}', and not '{place_of(name, after, before, segments)}'")
         file.write_bytes(before)
+        if (done := sum(found.values()) + len(wrong)) % 500 == 0:
+            print(f"{folder.name}: {sum(found.values())} of {done} edits found and located so far", flush=True)
     print(f"{folder.name}: {sum(found.values())} of {count} edits found and located ({', '.join(f'{kind} {count}' for kind, count in sorted(found.items()))}) in {len(files)} files "
           f"of {sum(map(len, segments.values()))} segments; {uncovered} more changed what the signature does not cover")
     if wrong or refusal_of(folder, public):
