@@ -5,9 +5,11 @@
 Method: each suite's program runs over its folder, and its counts are compared with counts.json beside this file. A suite whose files are not there is not run.
 
 usage: suites.py SOURCE_DIR BIN_DIR [--write]
+  Suites that no package has are looked for in ../shared/suites, beside the checkout.
   --write: write counts.json and docs/suites.md anew. Exit codes: 0 no count fell, 1 one did, 77 no suite is there.
 """
 
+import concurrent.futures
 import json
 import pathlib
 import platform
@@ -18,7 +20,9 @@ import time
 SOURCE, PROGRAMS = pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2]).resolve()
 COUNTS = SOURCE / "tests/suites/counts.json"
 ONNX = pathlib.Path("/usr/share/libonnx-testdata/data")
+SHARED = SOURCE.parent / "shared/suites"
 GROWS = ("load", "built_in", "agree")  # of these none may fall
+BAD_CONFIGURATION = 65
 PAGE = """# Suites
 
 What others wrote to try a format with, as Takt reads it.
@@ -70,15 +74,40 @@ Time: {seconds:.0f} s.
     text += f"""
 Not compared: outputs whose number no shape says.
 Beyond 1e-5: {len(apart)}, {len(by_builtin)} of them by the built-in engine ({', '.join(by_builtin) or 'none'}).
-The others are random numbers, training, and transforms whose vectors the standard rounds.
+The others are ONNX Runtime's own answers: random numbers, training, resizing, windows and transforms.
 """
     return counts, text
 
 
+def answered(file):
+    """Whether a file that is no robot is refused by that, in plain lines."""
+    done = subprocess.run([PROGRAMS / "takt", "config", "check", file], capture_output=True, timeout=120, check=False)
+    said = done.stdout + done.stderr
+    return done.returncode == BAD_CONFIGURATION and len(said) > 0 and all(byte >= 0x20 or byte == 0x0A for byte in said)
+
+
+def yaml():
+    files = sorted((SHARED / "yaml").glob("*.yaml"))
+    if not files:
+        return None
+    with concurrent.futures.ThreadPoolExecutor(2) as pool:
+        good = sum(pool.map(answered, files))
+    text = f"""## YAML
+
+The inputs of yaml-test-suite as robot files, which none of them is.
+Answered: `takt config check` refuses it in plain lines, exit code 65.
+
+| inputs | of these no YAML | answered |
+|---|---|---|
+| {len(files)} | {len(list((SHARED / "yaml").glob("*.error")))} | {good} |
+"""
+    return {"yaml": {"models": len(files), "agree": good}}, text
+
+
 def main():
-    made = [one for one in (onnx(),) if one]
+    made = [one for one in (onnx(), yaml()) if one]
     if not made:
-        print("NOT TESTED: no suite is installed (libonnx-testdata)", file=sys.stderr)
+        print("NOT TESTED: no suite is there (libonnx-testdata, ../shared/suites)", file=sys.stderr)
         sys.exit(77)
     counts, page = {}, PAGE + "\n".join(text for _, text in made)
     for some, _ in made:
