@@ -46,10 +46,9 @@ int refuse_file(const std::string& problems, bool json) {
       begin = end + 1;
     }
     fmt::print("{}\n", json_line(nlohmann::json{{"valid", false}, {"problems", lines}}));
-  } else {
-    fmt::print(stderr, "{}\n", first_problems(problems));
+    return config::kExitBadConfiguration;
   }
-  return config::kExitBadConfiguration;
+  return refuse(config::kExitBadConfiguration, first_problems(problems));
 }
 
 std::string lines_of(const std::vector<std::string>& cautions) {

@@ -254,6 +254,14 @@ TEST_F(Cli, OfManyProblemsTenAreTold) {
   EXPECT_GE(nlohmann::json::parse(run("config check --json " + in("bad.yaml")).output)["problems"].size(), 25U);
 }
 
+TEST_F(Cli, ANameThatMovesTheCursorIsShownAsText) {
+  for (const char* command : {"config check ", "config show ", "config new -o x.yaml ", "policy check "}) {
+    const Ended told = run(std::string(command) + "'\x1b[2J.yaml'");
+    EXPECT_EQ(told.exit_code, 65) << told.output;
+    EXPECT_EQ(told.output.find('\x1b'), std::string::npos) << command;
+  }
+}
+
 TEST_F(Cli, ConfigCheckLooksForThePolicyFile) {
   fs::copy("config/arm6.yaml", in("elsewhere.yaml"));
   const Ended ended = run("config check " + in("elsewhere.yaml"));

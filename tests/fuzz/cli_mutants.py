@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Goal: whatever a stranger wrote, and whatever a person typed, `takt` ends with a documented exit code, in 10 s of processor time, in 1 GiB, and prints nothing that
 a terminal obeys. Method: sound files and options, each with a few changes drawn by the seed (bits, numbers, lines, pieces of others); each call under limits.
-Usage: cli_mutants.py SOURCE_DIR BIN_DIR [--count N] [--seed S] [--only INDEX] [--workers N]. Mutant INDEX of a seed is the same every time; --only keeps its
-folder. Exit codes: 0 no finding, 1 findings, each with its command.
+Usage: cli_mutants.py SOURCE_DIR BIN_DIR [--models] [--count N] [--seed S] [--only INDEX] [--workers N]. Mutant INDEX of a seed is the same every time; --only keeps
+its folder. --models: models alone (URDF, MJCF, xacro), by config new, import and check. Exit codes: 0 no finding, 1 findings, each with its command.
 """
 import argparse
 import concurrent.futures
@@ -36,19 +36,42 @@ BUNDLE = """models: {walk: {parameters: {model_path: arm6_reach.onnx, sha256sum:
 pipeline: {data_flow: {}, inputs: {walk: [obs]}, outputs: {walk: [target]}, configs: {frequency: 50.0}}
 system information: {leapp config version: '1.1'}
 """
+URDF = """<robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"><link name="base"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>
+</inertial><visual><geometry><mesh filename="package://r/meshes/base.stl"/></geometry></visual></link><link name="tip"><inertial><origin xyz="0 0 0.1" rpy="0 0 0"/>
+<mass value="0.5"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link><link name="finger"><inertial><mass value="0.1"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+<joint name="a/b:c d" type="revolute"><parent link="base"/><child link="tip"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="10" velocity="3"/></joint>
+<joint name="slide" type="prismatic"><parent link="tip"/><child link="finger"/><axis xyz="1 0 0"/><mimic joint="a/b:c d" multiplier="0.1" offset="0"/>
+<limit lower="0" upper="0.04" effort="5" velocity="0.1"/></joint></robot>
+"""
+XACRO = """<robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"><xacro:property name="m" value="${1 + 2}"/><xacro:macro name="l" params="n"><link name="${n}"/></xacro:macro>
+<xacro:l n="base"/></robot>
+"""
+NEWER = """<mujoco><option ls_iterations="5"><flag eulerdamp="disable"/></option><asset><mesh name="m" file="m.obj" maxhullvert="32" content_type="model/obj"/></asset>
+<default><default class="c"><joint damping="1" actuatorfrcrange="-5 5"/></default></default><worldbody><frame pos="0 0 1"><body name="b" gravcomp="1"><freejoint/>
+<geom type="sphere" size="0.1"/><body name="l"><joint name="j" class="c" axis="0 0 1" range="-1 1"/><geom type="capsule" size="0.05" fromto="0 0 0 0 0 1"/></body></body>
+</frame></worldbody><equality><joint joint1="j" polycoef="0 1 0 0 0"/></equality><actuator><position name="p" joint="j" kp="5" kv="1" inheritrange="1"/></actuator>
+<sensor><gyro name="g" site="s"/></sensor></mujoco>
+"""
 IMPORT = ["config", "import", "FILE", "--policy", "arm6_reach.onnx", "--robot", "r", "-o", "out.yaml"]
 NEW = ["config", "new", "FILE", "--simulated", "-o", "out.yaml"]
+
+
+def model_cases(source):
+    config = source / "config"
+    models = [config / "balancer.xml", *sorted((source / "tests/cli/robots").glob("*")), *sorted((source / "tests/evidence/rollout").glob("*.xml"))]
+    commands = [NEW, NEW[:3] + NEW[4:], ["config", "import", "arm6_reach.onnx", "--model", "FILE", "--robot", "r", "-o", "out.yaml"], [*NEW, "--mesh-path", "."]]
+    return [(models, config, commands), ([URDF, XACRO, NEWER], config, commands), ([config / "balancer.xml"], config, [["config", "check", "balancer.yaml"]])]
 
 
 def cases(source):
     """(sound files of which one is changed, what must lie beside it, commands)."""
     config, release = source / "config", source / "tests/releases/0.2.0"
     robots = [path for path in sorted(config.glob("*.yaml")) if b"schema: takt.robot/1" in path.read_bytes()]
-    models = [config / "balancer.xml", *sorted((source / "tests/cli/robots").glob("*")), *sorted((source / "tests/evidence/rollout").glob("*.xml"))]
     return [
         (robots, config, [["config", "check", "FILE", "--json"], ["config", "check", "FILE"], ["config", "show", "FILE"], ["budget", "FILE"]]),
         ([DEPLOY, BUNDLE], config, [IMPORT, [*IMPORT, "--model", "balancer.xml", "--simulated"], ["policy", "check", "FILE"]]),
-        (models, config, [NEW, NEW[:3] + NEW[4:], ["config", "import", "arm6_reach.onnx", "--model", "FILE", "--robot", "r", "-o", "out.yaml"]]),
+        *model_cases(source),
         (sorted(config.glob("*.onnx")), config, [["policy", "check", "FILE"], ["policy", "check", "FILE", "--robot", "arm6.yaml"]]),
         (sorted((release / "run").iterdir()), release / "run", [[*words, "."] for words in (
             ["report"], ["report", "--json"], ["replay"], ["audit"], ["policy", "replay"], ["budget"], ["runs", "list"], ["export", "lerobot", "--out", "out"])]),
@@ -110,14 +133,14 @@ def finding(command, folder):
 
 def try_mutant(arguments, folder, index):
     draw = random.Random(f"{arguments.seed}/{index}")
-    files, beside, commands = draw.choice(cases(arguments.source))
+    files, beside, commands = draw.choice((model_cases if arguments.models else cases)(arguments.source))
     sound, words = draw.choice(files), list(draw.choice(commands))
     content, other = ((one.encode() if isinstance(one, str) else one.read_bytes()) for one in (sound, draw.choice(files)))
     shutil.copytree(beside, folder, ignore=shutil.ignore_patterns("grafana", "*.hpp", "*.cpp"))
     changes_words = draw.random() < 0.15
     for _ in range(0 if changes_words else draw.choice([1, 1, 1, 2, 4, 8])):
         content = change(content, other, draw)
-    name = "mutant" + (".yaml" if isinstance(sound, str) else sound.suffix) if "FILE" in words else sound.name
+    name = "mutant" + ((".xml" if sound.startswith("<") else ".yaml") if isinstance(sound, str) else sound.suffix) if "FILE" in words else sound.name
     (folder / name).write_bytes(content)
     words = [name if word == "FILE" else word for word in words]
     if changes_words:
@@ -134,6 +157,7 @@ def main():
         parser.add_argument(name, type=lambda path: pathlib.Path(path).resolve())
     for name, default in (("count", 100), ("seed", 1), ("only", None), ("workers", 2)):
         parser.add_argument(f"--{name}", type=int, default=default)
+    parser.add_argument("--models", action="store_true")
     arguments = parser.parse_args()
     folder = pathlib.Path(tempfile.mkdtemp(prefix="takt-mutants-"))
     indices = range(arguments.count) if arguments.only is None else [arguments.only]
