@@ -24,12 +24,12 @@ inline onnx_engine::GraphMaker demo_arm_network() {
   return maker;
 }
 
-// HardSwish, which the built-in engine does not know: actions = HardSwish(obs w).
+// LpNormalization, which the built-in engine does not know: actions = LpNormalization(obs w).
 inline onnx_engine::GraphMaker beyond_the_built_in_engine() {
   auto maker = demo_arm_network();
   maker.floats("w", {24, 96}, some_weights(24 * 96));
   maker.node("MatMul", {"obs", "w"}, {"h"});
-  maker.node("HardSwish", {"h"}, {"actions"});
+  maker.node("LpNormalization", {"h"}, {"actions"});
   return maker;
 }
 

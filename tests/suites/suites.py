@@ -11,6 +11,7 @@ usage: suites.py SOURCE_DIR BIN_DIR [--write]
 
 import concurrent.futures
 import json
+import os
 import pathlib
 import platform
 import subprocess
@@ -88,6 +89,8 @@ def answered(file):
 
 def yaml():
     files = sorted((SHARED / "yaml").glob("*.yaml"))
+    if not files and os.environ.get("TAKT_REQUIRE_SHARED") == "1":
+        sys.exit(f"{SHARED / 'yaml'} is missing: TAKT_REQUIRE_SHARED is set")
     if not files:
         return None
     with concurrent.futures.ThreadPoolExecutor(2) as pool:

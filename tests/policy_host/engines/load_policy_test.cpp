@@ -88,12 +88,12 @@ std::vector<onnx_engine::GraphMaker> beyond() {
   clip.node("MatMul", {"obs", "w"}, {"h"});
   clip.node("ReduceMean", {"obs"}, {"low"}).with("keepdims", std::int64_t{0});
   clip.node("Clip", {"h", "low"}, {"actions"});
-  auto& as_double = makers.emplace_back(demo_arm_network());
-  as_double.floats("w", {24, 96}, some_weights(std::size_t{24} * 96));
-  as_double.node("MatMul", {"obs", "w"}, {"h"});
-  as_double.node("Cast", {"h"}, {"exact"}).with("to", std::int64_t{onnx::TensorProto_DataType_DOUBLE});
-  as_double.node("Cast", {"exact"}, {"actions"}).with("to", std::int64_t{onnx::TensorProto_DataType_FLOAT});
-  as_double.graph().mutable_node(2)->set_name("back");
+  auto& as_half = makers.emplace_back(demo_arm_network());
+  as_half.floats("w", {24, 96}, some_weights(std::size_t{24} * 96));
+  as_half.node("MatMul", {"obs", "w"}, {"h"});
+  as_half.node("Cast", {"h"}, {"exact"}).with("to", std::int64_t{onnx::TensorProto_DataType_FLOAT16});
+  as_half.node("Cast", {"exact"}, {"actions"}).with("to", std::int64_t{onnx::TensorProto_DataType_FLOAT});
+  as_half.graph().mutable_node(2)->set_name("back");
   makers.emplace_back(beyond_the_built_in_engine()).graph().mutable_node(1)->set_op_type("Elu");
   makers.back().model.mutable_opset_import(0)->set_version(22);
   makers.back().model.set_ir_version(10);
@@ -124,7 +124,7 @@ TEST_F(LoadPolicy, WhereOnnxRuntimeIsNotThereBothReasonsAreInOneLine) {
   ASSERT_FALSE(refused);
   EXPECT_TRUE(refused.error().starts_with(
       file_ +
-      ": HardSwish node 'the_HardSwish' is not supported (by the built-in engine); nor does it run in ONNX "
+      ": LpNormalization node 'the_LpNormalization' is not supported (by the built-in engine); nor does it run in ONNX "
       "Runtime: /nowhere/libonnxruntime.so: cannot be loaded"))
       << refused.error();
   EXPECT_EQ(refused.error().find('\n'), std::string::npos);
@@ -135,7 +135,7 @@ TEST_F(ByOnnxRuntime, BeyondTheBuiltInEngineTooMemoryThatGoesNowhereIsRefused) {
   auto lost = forgetful(8);
   onnx::NodeProto& last = *lost.graph().mutable_node(lost.graph().node_size() - 1);
   last.set_output(0, "plain");
-  lost.node("HardSwish", {"plain"}, {"actions"});
+  lost.node("LpNormalization", {"plain"}, {"actions"});
   expect_lost(load(lost, "auto"));
   expect_lost(load(lost, "onnxruntime"));
   expect_lost(load(lost, TAKT_ODD_ENGINE_FILE));
@@ -175,7 +175,7 @@ TEST_F(ByOnnxRuntime, WhereItCannotBeToldWhetherMemoryIsLostTheLogSaysSo) {
   for (int i = maker.graph().node_size() - 1; i > 1; --i) maker.graph().mutable_node()->SwapElements(i, i - 1);
   onnx::NodeProto& last = *maker.graph().mutable_node(maker.graph().node_size() - 1);
   last.set_output(0, "plain");
-  maker.node("HardSwish", {"plain"}, {"actions"});
+  maker.node("LpNormalization", {"plain"}, {"actions"});
   const auto unclear = load(maker, "auto");
   ASSERT_TRUE(unclear) << unclear.error();
   EXPECT_TRUE((*unclear)->description().ends_with(

@@ -17,7 +17,8 @@ import sys
 import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "leapp"), str(HERE.parent / "exploy")]
+HOST = HERE.parents[2] / "policy_host"
+sys.path[:0] = [str(HERE), str(HOST / "leapp"), str(HOST / "exploy")]
 try:
     import torch
 
@@ -74,7 +75,7 @@ def write_actors(write):
     for part in ("adaptation_module", "actor_body"):
         write.torchscript(f"walk_these_ways_{part}", getattr(wtw, part))
     write.onnx("rma_history", "builtin", new("rma_history", actors.Rma), {"obs": (1, 53 * 11)})
-    write.onnx("extreme_parkour_base", "onnxruntime", new("extreme_parkour_base", actors.ParkourBase), {"obs": (1, 753), "depth_latent": (1, 32)})
+    write.onnx("extreme_parkour_base", "builtin", new("extreme_parkour_base", actors.ParkourBase), {"obs": (1, 753), "depth_latent": (1, 32)})
     write.onnx("height_scan", "builtin", new("height_scan", actors.HeightScan), {"obs": (1, 235)})
     write.onnx("height_scan_cnn", "builtin", new("height_scan_cnn", actors.HeightScanCnn), {"policy": (1, 48), "height_scan": (1, 1, 11, 17)}, opset=17)
     mjlab = write.onnx("mjlab", "builtin", new("mjlab", actors.Normalised), OBS, opset=18)
@@ -82,7 +83,7 @@ def write_actors(write):
     write.onnx("whole_body_tracking", "builtin", new("whole_body_tracking", actors.MotionTracker), {"obs": (1, 160), "time_step": (1, 1)}, TRACKED)
     write.onnx("dreamwaq", "builtin", new("dreamwaq", actors.DreamWaq), {"obs": (1, 45), "obs_history": (1, 225)})
     write.onnx("amp_rsl_rl_mixture", "builtin", new("mixture", actors.Mixture), OBS, opset=17)
-    write.onnx("mixture_einsum", "onnxruntime", new("mixture", actors.Mixture, True), OBS, opset=17)
+    write.onnx("mixture_einsum", "builtin", new("mixture", actors.Mixture, True), OBS, opset=17)
     write.onnx("tdmpc2", "builtin", new("tdmpc2", actors.TdMpc), {"obs": (1, 39)}, opset=17)
     write.onnx("points", "onnxruntime", new("points", actors.Points), {"point_cloud": (1, 64, 3), "agent_pos": (1, 9)}, opset=17)
 
