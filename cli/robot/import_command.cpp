@@ -254,8 +254,8 @@ void add_config_import(CLI::App& config, int& exit_code) {
   command
       ->add_option(
           "EXPORT", given->export_file,
-          "deploy.yaml (its Python tags are never executed), a configuration of rl_sar or unitree_rl_gym, a LEAPP "
-          "bundle's YAML, or an ONNX file with metadata of exploy, mjlab or whole_body_tracking")
+          "deploy.yaml, a configuration of rl_sar or unitree_rl_gym, a LEAPP bundle's YAML, or ONNX with metadata of "
+          "exploy, mjlab or whole_body_tracking; Python tags are never executed")
       ->required();
   command->add_option("--policy", given->policy_file,
                       "the exported ONNX or TorchScript file; default: EXPORT, where it is one or a bundle");
