@@ -475,6 +475,9 @@ const calmAge = await inBrowser({ colorScheme: 'light' }, async (page, { errors,
   await hidesNothingItJumpsTo(page);
   await page.setViewportSize({ width: 400, height: 900 });
   await hidesNothingItJumpsTo(page);
+  // Less room than a chart's margins take: nothing is drawn, and nothing fails.
+  await page.setViewportSize({ width: 60, height: 900 });
+  await page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn))));
   await page.setViewportSize({ width: 1500, height: 1900 });
   await alarmsOnlyAtAlarms(page);
   await breaksTheScaleOfALongLoss(page);

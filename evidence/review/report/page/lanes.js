@@ -26,6 +26,7 @@ takt.lanes = (function () {
   return function (id, view, samples, names, levelsOf, styleOf, valuesAt) {
     const count = names.length;
     const paint = (context, area, graph) => {
+      if (area.w <= 0) return;  // less room than the margins take: drawn anew once there is more
       const [from, to] = graph.xAxisRange();
       const columns = columnsOf(samples, graph, area, from, to, count, levelsOf);
       const height = area.h / Math.max(count, 1);
