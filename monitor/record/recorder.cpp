@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <malloc.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -221,6 +222,7 @@ void Recorder::flush_if_due(MonoTime now) {
   if (now - sealed_at_ < kSealPeriod) return;
   sealed_at_ = now;
   (void)write_seal(false);  // a disk that has no room for it has none for ticks either, which says so
+  ::malloc_trim(0);         // what came and went between what stays would stay with it
 }
 
 // Precondition: flushed.
