@@ -25,7 +25,7 @@ ROWS = [
     (MACHINERY, "III 1.1.9", "evidence of a change of software or settings, permitted or not",
      LOG, ["start: changed", "start: config_sha256_before", "deploy: deployment_before", "deploy: deployment"], "5 years"),
     (MACHINERY, "III 1.1.9", "protection of both against corruption", "store/deployments/*/tried", ["robot.yaml"], "as long as the deployment"),
-    (MACHINERY, "III 1.2.1", "a log of interventions", LOG, ["press stop: who.uid", "arm: who.uid", "reset: answer", "arm: at"], "5 years"),
+    (MACHINERY, "III 1.2.1", "a log of interventions", LOG, ["press stop: who.uid", "arm: who.uid", "reset: done", "arm: at"], "5 years"),
     (MACHINERY, "III 1.2.1", "versions of safety software that were uploaded", LOG, ["start: takt", "start: config_sha256", "deploy: takt"], "5 years"),
     (MACHINERY, "III 1.2.1", "data on decisions, where behaviour evolves by itself: one year", "run/ticks.mcap", [], "`record.keep`"),
     (AI, "12 (1)", "events are recorded by themselves, over the system's life", "run/transitions.jsonl", ["cause", "utc"], "`record.keep`; with an incident: until you delete it"),
