@@ -10,6 +10,7 @@
 #include <memory>
 #include <optional>
 
+#include "config/load.hpp"
 #include "config/sha256.hpp"
 #include "monitor/record/strict_json.hpp"
 
@@ -44,7 +45,7 @@ std::expected<Key, std::string> key_of(std::string_view pem, const char* kind, R
 std::string id_of(EVP_PKEY* key) {
   unsigned char* der = nullptr;
   const int size = i2d_PUBKEY(key, &der);
-  const std::string id =
+  std::string id =
       size > 0 ? config::sha256_hex({reinterpret_cast<const char*>(der), static_cast<std::size_t>(size)}) : "";
   OPENSSL_free(der);
   return id;

@@ -134,7 +134,7 @@ std::map<std::string, std::string> values_of(std::string_view text) {
 std::string newest_start(const std::string& folder, const std::string& robot) {
   std::string hash;
   for (const std::string& year : years_in(folder)) {
-    const auto text = read_file(folder + "/" + year + ".jsonl");
+    const auto text = read_file(fmt::format("{}/{}.jsonl", folder, year));
     if (!text) continue;
     for (std::size_t at = 0; at < text->size();) {
       const std::size_t end = std::min(text->find('\n', at), text->size());

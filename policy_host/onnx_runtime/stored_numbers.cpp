@@ -55,7 +55,8 @@ template <std::integral Whole>
 bool fits(float value) noexcept {
   // The bounds as floats are powers of two, or 0: exact.
   constexpr auto low = static_cast<float>(std::numeric_limits<Whole>::lowest());
-  constexpr float high = static_cast<float>(std::numeric_limits<Whole>::max() / 2 + 1) * 2.0F;
+  constexpr Whole half = std::numeric_limits<Whole>::max() / 2 + 1;
+  constexpr float high = static_cast<float>(half) * 2.0F;
   return std::trunc(value) >= low && value < high;  // NaN is neither
 }
 
