@@ -93,7 +93,7 @@ const Value& one_constant(const Node& node, std::size_t input) {
 std::size_t count_of_range(const Node& node, double start, double limit, double step) {
   if (step == 0.0) node.refuse("its step is 0");
   const double count = std::ceil((limit - start) / step);
-  constexpr auto most = static_cast<double>(max_model_bytes / sizeof(std::int64_t));
+  constexpr double most = static_cast<double>(max_model_bytes) / sizeof(std::int64_t);
   if (!(count < most)) node.beyond(fmt::format("{} elements are too many", count));
   return count > 0.0 ? static_cast<std::size_t>(count) : 0;
 }
