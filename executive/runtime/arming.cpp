@@ -1,11 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "executive/runtime/arming.hpp"
 
-#include <array>
-#include <span>
+#include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <span>
+#include <string_view>
+
+#include "config/units.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "executive/pipeline/control_tick.hpp"
+#include "executive/pipeline/rest_watch.hpp"
 
 namespace takt::runtime {
 namespace {
@@ -57,6 +65,21 @@ std::vector<std::string> drive_faults(const TickRecord& latest, const pipeline::
   for (const auto& blocker : std::span(blockers).first(std::min(count, blockers.size())))
     if (blocker.what == pipeline::kDriveFaultBlocker) sentences.push_back(sentence_of(blocker, latest, joints));
   return sentences;
+}
+
+std::string still_moves(const TickRecord& latest, JointMask asked, const pipeline::TickConfig& config,
+                        const std::vector<config::Joint>& joints) {
+  constexpr std::string_view kAwaitRest =
+      "wait until every joint with power rests, then reset; where one never does, hold it and take the power (takt "
+      "stop --now): what hangs falls";
+  const auto speed = [&](std::size_t joint) { return std::abs(latest.joints[joint].dq_estimate); };
+  std::optional<std::size_t> fastest;
+  for (std::size_t j = 0; j < std::min<std::size_t>(latest.header.joint_count, joints.size()); ++j)
+    if ((asked & bit_of_joint(j)) != 0 && (!fastest || speed(j) > speed(*fastest))) fastest = j;
+  if (!fastest) return fmt::format("the robot still moves: {}", kAwaitRest);
+  return fmt::format("joint {} still moves, at {:.2f} rad/s, and rests once below {:g} for {}: {}",
+                     joints[*fastest].name, speed(*fastest), config.rest_velocity,
+                     config::format_duration(pipeline::kRestDwell), kAwaitRest);
 }
 
 std::string active_causes(const TickRecordHeader& tick) {

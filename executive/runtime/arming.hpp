@@ -17,7 +17,7 @@ struct ArmingSituation {
   bool realtime = false;
   bool allow_non_realtime = false;
   bool shutting_down = false;
-  bool policy_in_file = true;
+  bool policy_in_file = true;  // the robot file has a `policy`
 };
 
 // One sentence each; empty: may be armed.
@@ -27,6 +27,10 @@ std::vector<std::string> missing_for_arming(const TickRecord& latest, const pipe
 // Of these the faults that drives report.
 std::vector<std::string> drive_faults(const TickRecord& latest, const pipeline::TickConfig& config,
                                       const std::vector<config::Joint>& joints);
+
+// Why a reset is refused while the robot moves: names the fastest of the joints that are `asked` to rest.
+std::string still_moves(const TickRecord& latest, JointMask asked, const pipeline::TickConfig& config,
+                        const std::vector<config::Joint>& joints);
 
 // "drive_fault, bus_off": names of the causes that hold in this tick.
 std::string active_causes(const TickRecordHeader& tick);

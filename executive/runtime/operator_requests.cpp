@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -48,9 +47,6 @@ bool waits_for_command_alone(const std::vector<std::string>& missing) {
 }
 
 constexpr std::string_view kNotNoticed = "the control thread did not answer in time: is it running? see takt status";
-constexpr std::string_view kAwaitRest =
-    "wait until every joint with power rests, then reset; where one never does, hold it and take the power (takt stop "
-    "--now): what hangs falls";
 constexpr std::string_view kFaultDampsOnly =
     "mode fault_latched: what failed has no power, and nothing moves on purpose; again, or with --now, takes their "
     "power away: what hangs falls";
@@ -158,21 +154,6 @@ void Reception::stop(OperatorVerb verb, OperatorReply& reply) {
     say(reply, kFaultDampsOnly);
 }
 
-// Which joint: the fastest that is asked for rest.
-std::string Reception::still_moves() const {
-  const TickRecord& latest = parts_.follower.latest();
-  const JointMask asked = parts_.follower.asked_for_rest();
-  std::size_t fastest = kMaxJoints;
-  for (std::size_t j = 0; j < std::min<std::size_t>(latest.header.joint_count, parts_.robot.joints.size()); ++j)
-    if ((asked & bit_of_joint(j)) != 0 && (fastest == kMaxJoints || std::abs(latest.joints[j].dq_estimate) >
-                                                                        std::abs(latest.joints[fastest].dq_estimate)))
-      fastest = j;
-  if (fastest == kMaxJoints) return fmt::format("the robot still moves: {}", kAwaitRest);
-  return fmt::format("joint {} still moves, at {:.2f} rad/s, and rests below {:g}: {}",
-                     parts_.robot.joints[fastest].name, std::abs(latest.joints[fastest].dq_estimate),
-                     parts_.config.rest_velocity, kAwaitRest);
-}
-
 void Reception::reset(OperatorReply& reply) {
   const std::uint64_t tick = parts_.follower.latest().header.tick;
   parts_.requests.reset();
@@ -180,13 +161,16 @@ void Reception::reset(OperatorReply& reply) {
   const TickRecordHeader& now = parts_.follower.latest().header;
   reply.done = now.mode == Mode::standby ? 1 : 0;
   if (reply.done != 0) return;
+  const auto moves = [this] {
+    return still_moves(parts_.follower.latest(), parts_.follower.asked_for_rest(), parts_.config, parts_.robot.joints);
+  };
   switch (now.mode) {
     case Mode::damped_stop:
       if (now.player == Player::fallback)
         return say(reply, "the fallback policy moves the robot: hold it, then take its power (takt stop --now)");
-      return say(reply, still_moves());
+      return say(reply, moves());
     case Mode::fault_latched:
-      if ((now.causes_active & pipeline::kLastingFaults) == 0) return say(reply, still_moves());
+      if ((now.causes_active & pipeline::kLastingFaults) == 0) return say(reply, moves());
       return say(reply, "the fault still holds: " + active_causes(now) + ": correct it, then reset");
     case Mode::arming:
     case Mode::tracking:

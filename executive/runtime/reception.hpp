@@ -98,7 +98,6 @@ class Reception {
 
   OperatorReply answer(const OperatorMessage& message, std::string_view text);
   [[nodiscard]] std::vector<std::string> missing() const;
-  [[nodiscard]] std::string still_moves() const;
   void arm(OperatorReply& reply);
   void stop(OperatorVerb verb, OperatorReply& reply);
   void reset(OperatorReply& reply);

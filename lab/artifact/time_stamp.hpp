@@ -21,7 +21,7 @@ struct TimeStamp {
   std::string by;  // the signer's name, RFC 2253; printable
 };
 
-// As the response says it, whoever made it. Refused where it stamps other bytes. `file`: of those bytes, for the
+// As the response says it, by any authority. Refused where it stamps other bytes. `file`: of those bytes, for the
 // sentence.
 std::expected<TimeStamp, std::string> claimed_time(std::string_view response, std::string_view stamped,
                                                    const std::string& file);

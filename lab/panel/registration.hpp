@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a panel was to show, signed before it ran: seeds, methods, bounds, conditions, and the comparison that was to
-// decide. Whoever chooses any of these after seeing rows is found by it.
+// decide. A choice that was made after rows were seen shows by it.
 //
 // The file is an envelope (lab/artifact/envelope.hpp) whose statement holds panel.yaml's text and the manifest that
 // an artifact of it would have; a time stamp may lie beside it (lab/artifact/time_stamp.hpp). Beside PANEL.yaml they

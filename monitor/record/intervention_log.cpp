@@ -37,7 +37,7 @@ std::string error_text() {
   return std::system_category().message(errno);
 }
 
-// Of audit(7): who logged in, whatever user they became later. None: nobody logged in, or the kernel does not say.
+// Of audit(7): the user who logged in, which `sudo` does not change. None: a service, or a kernel that does not say.
 std::optional<std::uint32_t> login_of(std::int64_t pid) {
   std::uint32_t uid = kNoLogin;
   std::ifstream(fmt::format("/proc/{}/loginuid", pid)) >> uid;
@@ -94,11 +94,20 @@ std::expected<std::string, std::string> last_line(int file) {
   return tail.substr(end_before + 1);
 }
 
-// What root made there is the folder's owner's, too, who appends next.
-void give_to_owner(const std::string& folder, const std::string& path) {
-  struct stat owner {};
-  if (::geteuid() == 0 && ::stat(folder.c_str(), &owner) == 0)
-    (void)!::lchown(path.c_str(), owner.st_uid, owner.st_gid);
+std::string year_path(const std::string& folder, const std::string& year) {
+  return fmt::format("{}/{}.jsonl", folder, year);
+}
+
+// What root made there is the folder's owner's, who appends next. Nothing that has another name, too.
+void give_to_owner(const std::string& folder, int made) {
+  struct stat owner {
+  }, file{};
+  if (::geteuid() != 0 || ::stat(folder.c_str(), &owner) != 0 || ::fstat(made, &file) != 0) return;
+  if (S_ISDIR(file.st_mode) || file.st_nlink == 1) (void)!::fchown(made, owner.st_uid, owner.st_gid);
+}
+void give_to_owner(const std::string& folder, const std::string& made) {
+  const ipc::Descriptor opened(::open(made.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+  if (opened.is_open()) give_to_owner(folder, opened.get());
 }
 
 // Not for ever: another process of the folder's group could hold it.
@@ -110,6 +119,11 @@ bool locked(int file, Duration patience) {
     sleep_until(monotonic_now() + milliseconds(5));
   }
   return true;
+}
+
+bool are_alike(const OperatorWord& one, const OperatorWord& other) {
+  return one.pid == other.pid && one.uid == other.uid && one.verb == other.verb && one.done == other.done &&
+         std::string_view(one.answer) == other.answer;
 }
 
 void flatten(const config::Node& node, const std::string& key, std::map<std::string, std::string>& values) {
@@ -134,7 +148,7 @@ std::map<std::string, std::string> values_of(std::string_view text) {
 std::string newest_start(const std::string& folder, const std::string& robot) {
   std::string hash;
   for (const std::string& year : years_in(folder)) {
-    const auto text = read_file(fmt::format("{}/{}.jsonl", folder, year));
+    const auto text = read_file(year_path(folder, year));
     if (!text) continue;
     for (std::size_t at = 0; at < text->size();) {
       const std::size_t end = std::min(text->find('\n', at), text->size());
@@ -217,12 +231,17 @@ void InterventionLog::note_start(const RunManifest& manifest, const config::Robo
 void InterventionLog::note(const OperatorWord& word, const std::string& robot, std::int64_t unix_ns) {
   failure_.clear();
   if (!is_kept() || word.verb == OperatorVerb::mark || word.verb == OperatorVerb::status) return;
-  append({{"what", name(word.verb)},
-          {"robot", robot},
-          {"who", who(word.pid, word.uid, std::string_view(word.program))},
-          {"done", word.done != 0},
-          {"answer", std::string_view(word.answer)}},
-         unix_ns);
+  if (newest_request_ && are_alike(word, *newest_request_)) {
+    ++repeated_;
+    return;
+  }
+  const bool is_written = append({{"what", name(word.verb)},
+                                  {"robot", robot},
+                                  {"who", who(word.pid, word.uid, std::string_view(word.program))},
+                                  {"done", word.done != 0},
+                                  {"answer", std::string_view(word.answer)}},
+                                 unix_ns);
+  if (is_written) newest_request_ = word;
 }
 
 void InterventionLog::note(const Deployment& deployment, std::int64_t unix_ns) {
@@ -240,14 +259,21 @@ void InterventionLog::note(const Deployment& deployment, std::int64_t unix_ns) {
          unix_ns);
 }
 
-void InterventionLog::append(Json line, std::int64_t unix_ns) {
+bool InterventionLog::append(Json line, std::int64_t unix_ns) {
+  newest_request_.reset();
   budget_.refill(monotonic_now());
   if (!budget_.take()) {
     ++left_out_;
-    return;
+    return false;
   }
-  const std::string year = year_of(unix_ns), path = folder_ + "/" + year + ".jsonl";
-  const auto failed = [&](const std::string& why) { failure_ = fmt::format("{}: {}", path, why); };
+  // A clock that was set back opens no earlier year: the lines stay in the order in which they came.
+  std::vector<std::string> years = years_in(folder_);
+  const std::string year = years.empty() ? year_of(unix_ns) : std::max(year_of(unix_ns), years.back());
+  const std::string path = year_path(folder_, year);
+  const auto failed = [&](const std::string& why) {
+    failure_ = fmt::format("{}: {}", path, why);
+    return false;
+  };
   // The folder's lock holds for all years.
   const ipc::Descriptor folder(::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!folder.is_open()) return failed(error_text());
@@ -257,34 +283,39 @@ void InterventionLog::append(Json line, std::int64_t unix_ns) {
   if (!file.is_open()) return failed(error_text());
   auto before = last_line(file.get());
   if (!before) return failed(before.error());
+  const off_t size = ::lseek(file.get(), 0, SEEK_END);
   std::string text;
   if (before->empty()) {
-    give_to_owner(folder_, path);
-    // The year begins: the chain goes on from the newest before it, and what is old goes.
-    for (const std::string& other : years_in(folder_)) {
-      if (other >= year) continue;
-      const std::string file_of_other = folder_ + "/" + other + ".jsonl";
-      if (std::stoi(other) < std::stoi(year) - kYearsKept) {
-        std::error_code ignored;
-        std::filesystem::remove(file_of_other, ignored);
-        continue;
-      }
-      const ipc::Descriptor earlier(::open(file_of_other.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
-      if (!earlier.is_open()) continue;
-      if (auto last = last_line(earlier.get()); last && !last->empty()) before = std::move(last);
+    give_to_owner(folder_, file.get());
+    // A year begins: the chain goes on from the newest before it, and the oldest goes. By their number, not by the
+    // clock, which a wrong one would empty the log by.
+    std::erase(years, year);
+    if (!years.empty()) {
+      const ipc::Descriptor earlier(
+          ::open(year_path(folder_, years.back()).c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+      if (auto last = last_line(earlier.get()); last) before = std::move(last);
+    }
+    for (std::size_t i = 0; i + kYearsKept < years.size(); ++i) {
+      std::error_code ignored;
+      std::filesystem::remove(year_path(folder_, years[i]), ignored);
     }
   } else if (before->back() != '\n') {
     *before += text = "\n";  // what a power cut tore ends here
   }
   Json whole{{"at", utc_text(unix_ns)}};
   whole.update(line);
+  if (repeated_ > 0) whole["repeated"] = repeated_;
   if (left_out_ > 0) whole["left_out"] = left_out_;
   whole["before"] = before->empty() ? "" : config::sha256_hex(*before);
   text += whole.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
   errno = 0;
-  if (::write(file.get(), text.data(), text.size()) != static_cast<ssize_t>(text.size()) || ::fsync(file.get()) != 0)
-    return failed(errno != 0 ? error_text() : "the disk is full");
-  left_out_ = 0;
+  if (::write(file.get(), text.data(), text.size()) != static_cast<ssize_t>(text.size()) || ::fsync(file.get()) != 0) {
+    failed(errno != 0 ? error_text() : "the disk is full");
+    (void)!::ftruncate(file.get(), size);  // no half of a line
+    return false;
+  }
+  repeated_ = left_out_ = 0;
+  return true;
 }
 
 }  // namespace takt::monitor

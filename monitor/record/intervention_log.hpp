@@ -2,21 +2,24 @@
 // Who changed what on a robot PC, and to what: starts, requests of operators, deployments. Append-only, apart from
 // runs, which are deleted sooner (docs/duties.md).
 //
-//   FOLDER/2026.jsonl         a line for each intervention of that year (UTC), oldest first; `before` is the SHA-256 of
-//                             the line before, line end included, over the end of a year too, so that a line that was
-//                             altered, taken out or put in shows; empty: nothing was before
+//   FOLDER/2026.jsonl         a line for each intervention of that year (UTC), in the order in which they came
 //   FOLDER/robots/SHA256.yaml each resolved robot file that was started, by its hash
 //
-// The log is kept where FOLDER is there, and writable; nothing waits for it but its writer, for at most kLockPatience.
-// Files of years older than kYearsKept go when a year begins. Lines of a stranger's making, such as requests, are
+// `before` of a line is the SHA-256 of the line before it, line end included, over the end of a year too: a line that
+// was altered, taken out or put in shows. Empty: nothing was before.
+//
+// The log is kept where FOLDER is there; nothing waits for it but its writer, for the disk and at most kLockPatience
+// for another writer. When a year begins, all but the newest kYearsKept files before it go. A request that is made
+// again and again with the same answer is one line, and `repeated` of the next line says how often more. Lines are
 // bounded: kMostAtOnce, then one in kLinePeriod; `left_out` of the next line counts the others.
 //
-// Thread rule: one thread; several processes may append to one log.
+// Errors: failure(). Thread rule: one thread; several processes may append to one log.
 #pragma once
 
 #include <cstdint>
 #include <expected>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -27,7 +30,7 @@
 
 namespace takt::monitor {
 
-inline constexpr int kYearsKept = 5;
+inline constexpr std::size_t kYearsKept = 5;  // beside the one that is written
 // "/var/lib/takt/interventions" of "/var/lib/takt/runs": beside the folder of the runs.
 std::string intervention_folder(const std::string& record_directory);
 
@@ -60,9 +63,11 @@ class InterventionLog {
   [[nodiscard]] const std::string& failure() const { return failure_; }
 
  private:
-  void append(nlohmann::ordered_json line, std::int64_t unix_ns);
+  bool append(nlohmann::ordered_json line, std::int64_t unix_ns);  // false: it is not in the log
   std::string folder_;
   std::string failure_;
+  std::optional<OperatorWord> newest_request_;  // none: another line came behind it
+  std::uint64_t repeated_ = 0;
   TokenBucket budget_{kLinePeriod, kMostAtOnce};
   std::uint64_t left_out_ = 0;
 };

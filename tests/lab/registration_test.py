@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Goal: what a panel is to show is fixed before it runs, and whoever changes it afterwards is found. Method: a small panel is registered
+"""Goal: what a panel is to show is fixed before it runs, and a later change shows. Method: a small panel is registered
 (`takt seal PANEL`), stamped by an authority of the test's own, and run: the audit says so. Then each of its parts is changed before another
 run, and each is named; a registration that is made, or put there, after the run began counts for nothing; one that is taken away is missed.
 Usage: registration_test.py SOURCE_DIR BIN_DIR
@@ -62,7 +62,7 @@ def check_registered(panel, root):
     assert "by the signer's clock; the first row is not older than" in panel.audit(folder, expect=0)
     facts = json.loads(panel.audit(folder, "--json", expect=0))
     assert facts["audit_ready"] and facts["registered"]["key"] == key_id and facts["registered"]["older"] and not facts["registered"]["differences"], facts
-    assert "consistent: nothing is missing" in call(TAKT, "audit", folder), "a registration that nobody checked makes nothing ready"
+    assert "consistent: nothing is missing" in call(TAKT, "audit", folder), "an unchecked registration makes nothing ready"
     call(VERIFIER, folder)
     for file in ("registration.dsse.json", "registration.tsr"):
         copy = panel.made / "copy"

@@ -222,7 +222,7 @@ def authority(made, name):
 
 # Threat: signed-later
 def check_time(made, folder, keys):
-    """A signature's time: said by whom it is from, and believed from nobody else."""
+    """A signature's time: named with its authority, and believed from no other."""
     takt, public, (root, stamp), (another_root, _) = PROGRAMS / "takt", keys[0][1], authority(made, "trusted"), authority(made, "another")
     audit = (takt, "audit", folder, "--signed-by", public, "--time-by")
     code = 0 if "PASSED" in base64.b64decode(json.loads((folder / "seal.dsse.json").read_text())["payload"]).decode() else 1

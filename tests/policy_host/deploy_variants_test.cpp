@@ -16,6 +16,7 @@
 #include "config/load.hpp"
 #include "policy_host/chunk_builder.hpp"
 #include "policy_host/observation_builder.hpp"
+#include "tests/policy_host/imported_robot.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -152,29 +153,9 @@ class Reference {
   std::vector<std::deque<Numbers>> past_;
 };
 
-config::RobotConfig imported(const Variant& one) {
-  config::ModelFacts model;
-  for (std::size_t j = 0; j < kJoints; ++j)
-    model.joints.push_back(
-        {.name = fmt::format("joint_{}", j), .position = {{-3, 3}}, .velocity = {}, .torque = 50, .inertia = 0.1});
-  const auto deploy = config::read_deploy_file(deploy_text(one), "deploy.yaml");
-  if (!deploy) throw std::runtime_error(deploy.error());
-  const auto text = config::import_deploy_file(*deploy, {.robot = "r",
-                                                         .policy_file = "p.onnx",
-                                                         .joint_names = {},
-                                                         .source = "deploy.yaml",
-                                                         .model = model,
-                                                         .model_file = "m.xml",
-                                                         .simulated = true});
-  if (!text) throw std::runtime_error(text.error());
-  auto robot = config::parse(*text, "r.yaml");
-  if (!robot) throw std::runtime_error(robot.error());
-  return *std::move(robot);
-}
-
 // The largest difference of any value and target over six observations.
 double largest_difference(const Variant& one) {
-  const config::RobotConfig robot = imported(one);
+  const config::RobotConfig robot = imported_robot(deploy_text(one), "deploy.yaml", kJoints);
   Indices slots = one.motors;
   std::ranges::sort(slots);
   Reference reference(one);

@@ -16,6 +16,7 @@
 #include "config/load.hpp"
 #include "policy_host/chunk_builder.hpp"
 #include "policy_host/observation_builder.hpp"
+#include "tests/policy_host/imported_robot.hpp"
 #include "tests/shared_files.hpp"
 
 namespace takt::policy_host {
@@ -39,27 +40,6 @@ struct Case {
   bool phase = false;
 };
 
-config::RobotConfig imported(const std::string& text) {
-  config::ModelFacts model;
-  for (std::size_t j = 0; j < kJoints; ++j)
-    model.joints.push_back(
-        {.name = fmt::format("joint_{}", j), .position = {{-3, 3}}, .velocity = {}, .torque = 50, .inertia = 0.1});
-  auto deploy = config::read_deploy_file(text, "config.yaml");
-  if (!deploy) throw std::runtime_error(deploy.error());
-  deploy->step_dt = milliseconds(20);
-  const auto robot_text = config::import_deploy_file(*deploy, {.robot = "r",
-                                                               .policy_file = "p.onnx",
-                                                               .joint_names = {},
-                                                               .source = "config.yaml",
-                                                               .model = model,
-                                                               .model_file = "m.xml",
-                                                               .simulated = true});
-  if (!robot_text) throw std::runtime_error(robot_text.error());
-  auto robot = config::parse(*robot_text, "r.yaml");
-  if (!robot) throw std::runtime_error(robot.error());
-  return *std::move(robot);
-}
-
 // One instant: each term's values, as scaled and clipped. `q`, `dq`: by motor.
 std::vector<Numbers> shown(const Case& one, const Numbers& q, const Numbers& dq, const Numbers& last, int instant) {
   std::vector<Numbers> terms(3);
@@ -80,7 +60,7 @@ std::vector<Numbers> shown(const Case& one, const Numbers& q, const Numbers& dq,
 
 void expect_as_trained(const Case& one) {
   SCOPED_TRACE(one.text);
-  const config::RobotConfig robot = imported(one.text);
+  const config::RobotConfig robot = imported_robot(one.text, "config.yaml", kJoints, milliseconds(20));
   ObservationBuilder builder(robot);
   std::deque<std::vector<Numbers>> past;  // the newest first
   Numbers last(kJoints, 0);

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Goal: two operators arm one robot, and neither harms it: who comes second finds it armed. Method: `takt run --arm` stands still (SIGSTOP) once it
-has started its last process; meanwhile `takt arm` arms the robot; then `takt run` goes on. And what the other says of a mark is in the run.
+has started its last process; meanwhile `takt arm` arms the robot; then `takt run` goes on. And a person's stop stays under --rearm-after: the robot
+is watched for ten times as long as that waits, then that person arms it. And what the other says of a mark is in the run.
 Usage: armed_by_another_test.py SOURCE_DIR BIN_DIR
 """
 import json
@@ -25,6 +26,23 @@ def has_child(run, program, deadline):
         if program in children:
             return True
     return False
+
+
+def a_persons_stop_stays(programs, file, folder):
+    """Empty: it does."""
+    robot = Operated(programs, folder / "again")
+    run = robot.start(file, folder / "rearmed", "--rearm-after", "200ms", "--to-the-end", duration="60s")
+    tracks = robot.wait_until(lambda status: status.get("mode") == "tracking")
+    robot.ask("stop")
+    stopped = robot.wait_until(lambda status: status.get("mode") == "damped_stop")
+    watched_until = time.monotonic() + 2
+    modes = set()
+    while time.monotonic() < watched_until:
+        modes.add(robot.status().get("mode"))
+    back = robot.wait_until(lambda _: robot.ask("reset").returncode == 0) and robot.wait_until(lambda _: robot.ask("arm").returncode == 0)
+    run.terminate()
+    said = run.communicate(timeout=60)[0]
+    return "" if tracks and stopped and modes == {"damped_stop"} and back else f"{said}\nWRONG: tracked {tracks}, stopped {stopped}, then {modes}, armed again {back}"
 
 
 def main():
@@ -60,6 +78,9 @@ def main():
             return 1
         if run.returncode != 0 or "refused" in said:
             print(said, f"WRONG: armed by another, takt run ended with {run.returncode}", sep="\n")
+            return 1
+        if wrong := a_persons_stop_stays(programs, file, folder):
+            print(wrong)
             return 1
     return 0
 

@@ -23,10 +23,10 @@ TEST(Rearming, EndsAStopAfterItsTimeAndArmsAgain) {
   EXPECT_EQ(person.next(Mode::fault_latched, false, seconds(6)), OperatorStep::reset);
 }
 
-TEST(Rearming, NobodyIsThereUnlessAskedFor) {
-  Rearming nobody(std::nullopt);
+TEST(Rearming, DoesNothingUnlessAskedFor) {
+  Rearming off(std::nullopt);
   for (const Mode mode : {Mode::damped_stop, Mode::fault_latched, Mode::standby})
-    EXPECT_EQ(nobody.next(mode, false, seconds(100)), OperatorStep::none);
+    EXPECT_EQ(off.next(mode, false, seconds(100)), OperatorStep::none);
 }
 
 // Goal: who stops the robot decides when it moves again. Method: a stop and a press for no power by another operator;

@@ -628,6 +628,9 @@ TEST_F(Rendezvous, ClientSaysWhatIsWrongWithoutAServer) {
   const auto absent = attach(path_, hello_of(Role::policy), kTimeout);
   ASSERT_FALSE(absent);
   EXPECT_TRUE(contains(absent.error(), "no process listens at " + path_)) << absent.error();
+  const auto no_sensor = attach(path_ + ".d/sensor-cam0.sock", hello_of(Role::sensor_reader), kTimeout);
+  ASSERT_FALSE(no_sensor);
+  EXPECT_TRUE(contains(no_sensor.error(), "start the sensor's own program")) << no_sensor.error();
 
   // A server that never answers: its backlog takes the connection, nobody serves.
   auto idle = RendezvousServer::listen(path_, geteuid(), admit_all());

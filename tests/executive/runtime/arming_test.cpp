@@ -52,6 +52,8 @@ TEST(Arming, SaysWhatTheProcessItselfLacks) {
   };
   EXPECT_TRUE(says({.realtime = true}, "no policy is attached"));
   EXPECT_FALSE(says({.policy_attached = true, .realtime = true}, "no policy is attached"));
+  EXPECT_TRUE(says({.realtime = true, .policy_in_file = false}, "the robot file has no `policy`"));
+  EXPECT_FALSE(says({.realtime = true, .policy_in_file = false}, "no policy is attached"));
   record->header.candidate.in_charge = 1;
   EXPECT_TRUE(says({.realtime = true}, "the candidate in charge does not run"));
   EXPECT_FALSE(says({.realtime = true}, "no policy is attached"));
@@ -62,6 +64,23 @@ TEST(Arming, SaysWhatTheProcessItselfLacks) {
   record->header.tick = 1;
   EXPECT_FALSE(says({.policy_attached = true}, "the control loop has not run yet"));
   EXPECT_TRUE(says({.shutting_down = true}, "shutting down"));
+}
+
+// Goal: who is refused a reset learns which joint to look at. Method: three joints, of which the fastest is not asked.
+TEST(Reset, NamesTheFastestJointThatIsAskedToRest) {
+  const config::RobotConfig robot = config::load("config/arm6.yaml").value();
+  const auto config = std::make_unique<pipeline::TickConfig>(config::tick_config_of(robot, 1));
+  const auto record = std::make_unique<TickRecord>();
+  record->header.joint_count = 6;
+  record->joints[0].dq_estimate = 2;
+  record->joints[1].dq_estimate = 0.04F;
+  record->joints[3].dq_estimate = -0.05F;
+  const JointMask all_but_first = 0b111110;
+  EXPECT_TRUE(still_moves(*record, all_but_first, *config, robot.joints)
+                  .starts_with("joint " + robot.joints[3].name +
+                               " still moves, at 0.05 rad/s, and rests once below 0.02 for 100 ms: wait until "))
+      << still_moves(*record, all_but_first, *config, robot.joints);
+  EXPECT_TRUE(still_moves(*record, 0, *config, robot.joints).starts_with("the robot still moves: wait until "));
 }
 
 }  // namespace

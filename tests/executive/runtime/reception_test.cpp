@@ -329,6 +329,18 @@ TEST_F(ReceptionTest, ArmingIsRefusedWithTheListOfWhatIsMissing) {
   EXPECT_EQ(ask(OperatorVerb::status).status.tick.mode, Mode::standby);
 }
 
+// Goal: who arms at once after a reset is not refused for want of a command that is on its way. Method: a policy that
+// is silent, and nothing else missing: the refusal comes once the policy has had its time, and no earlier.
+TEST_F(ReceptionTest, ArmingWaitsForTheFirstCommand) {
+  const Attached attached = attach_policy(Role::policy, false);
+  const auto refusal = [this] { return std::string(ask(OperatorVerb::arm).sentences); };
+  const std::string alone = "no fresh command: the policy host's log says why, docs/troubleshooting.md what to do";
+  ASSERT_TRUE(until([&](const StatusSnapshot&) { return refusal() == alone; }));
+  const auto asked_at = std::chrono::steady_clock::now();
+  EXPECT_EQ(refusal(), alone);
+  EXPECT_GE(std::chrono::steady_clock::now() - asked_at, kRequestPatience);
+}
+
 // Goal: what a policy's host says kept it from answering stands in the place of the question whether it runs, in the
 // status, and with the monitor, who comes later too; that it is over, likewise.
 TEST_F(ReceptionTest, WhatKeepsAPolicyFromAnsweringIsTold) {

@@ -141,6 +141,25 @@ TEST_F(RunMetricsTest, AMarkHasTheTextThatItsOperatorGave) {
   EXPECT_NE(report_text(*metrics, run_).find("+0.699 s  it slips: left\n"), std::string::npos);
 }
 
+// Goal: a request that was refused again and again takes one line of the report. Method: three refusals by one process,
+// one by another, and an arming that was granted.
+TEST_F(RunMetricsTest, ARequestThatIsRepeatedIsOneLine) {
+  auto metrics = metrics_of(run_);
+  ASSERT_TRUE(metrics);
+  const NotedRequest refused{metrics->start, "arm", "takt", "no fresh command", 7, 1000, false};
+  NotedRequest another = refused, granted = refused;
+  another.pid = 8;
+  granted.done = true;
+  metrics->requests = {refused, refused, refused, another, granted};
+  EXPECT_NE(report_text(*metrics, run_)
+                .find("requests      5\n"
+                      "      +0.000 s  arm by pid 7 (takt), user 1000: refused: no fresh command (3 times)\n"
+                      "      +0.000 s  arm by pid 8 (takt), user 1000: refused: no fresh command\n"
+                      "      +0.000 s  arm by pid 7 (takt), user 1000\n"),
+            std::string::npos)
+      << report_text(*metrics, run_);
+}
+
 TEST_F(RunMetricsTest, MetricsFileAndReportSayTheSame) {
   const auto metrics = write_metrics(run_);
   ASSERT_TRUE(metrics);

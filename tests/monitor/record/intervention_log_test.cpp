@@ -8,8 +8,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/file.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <set>
@@ -119,7 +121,8 @@ TEST_F(InterventionLogTest, SaysWhoAskedForWhatAndWhatAStartChanged) {
 // Threat: log-edited
 TEST_F(InterventionLogTest, AnEditShows) {
   InterventionLog log(folder_);
-  for (int i = 0; i < 5; ++i) log.note(word(OperatorVerb::arm), "arm", kIn2026 + i * kSecond);
+  for (int i = 0; i < 5; ++i)
+    log.note(word(i % 2 == 0 ? OperatorVerb::arm : OperatorVerb::stop), "arm", kIn2026 + i * kSecond);
   const auto whole = lines();
   ASSERT_EQ(broken_at(whole), 0U);
   auto altered = whole;
@@ -135,11 +138,30 @@ TEST_F(InterventionLogTest, AnEditShows) {
 
 TEST_F(InterventionLogTest, TheChainGoesOnOverAYearAndWhatIsOldGoes) {
   InterventionLog log(folder_);
-  for (int year = 0; year < 8; ++year) log.note(word(OperatorVerb::reset), "arm", kIn2026 + year * kYear);
+  for (int year = 0; year < 8; ++year)
+    log.note(word(year % 2 == 0 ? OperatorVerb::reset : OperatorVerb::arm), "arm", kIn2026 + year * kYear);
   std::set<std::string> kept;
   for (const auto& entry : std::filesystem::directory_iterator(folder_)) kept.insert(entry.path().filename());
   EXPECT_THAT(kept, ElementsAre("2028.jsonl", "2029.jsonl", "2030.jsonl", "2031.jsonl", "2032.jsonl", "2033.jsonl"));
   EXPECT_EQ(Json::parse(lines("2033")[0])["before"], config::sha256_hex(lines("2032")[0]));
+}
+
+// Goal: a computer whose clock is wrong keeps its log, and the chain holds. Method: a line of 1970, as after an empty
+// battery, and one of 2090, among those of 2026.
+TEST_F(InterventionLogTest, AWrongClockCostsNoLine) {
+  InterventionLog log(folder_);
+  log.note(word(OperatorVerb::arm), "arm", kIn2026);
+  log.note(word(OperatorVerb::stop), "arm", kSecond);
+  log.note(word(OperatorVerb::reset), "arm", kIn2026 + kSecond);
+  log.note(word(OperatorVerb::arm), "arm", kIn2026 + 64 * kYear);
+  log.note(word(OperatorVerb::stop), "arm", kIn2026 + 2 * kSecond);
+  EXPECT_FALSE(std::filesystem::exists(folder_ + "/1970.jsonl"));
+  auto all = lines("2026");
+  EXPECT_EQ(all.size(), 3U);
+  EXPECT_EQ(Json::parse(all[1])["at"], "1970-01-01T00:00:01.000Z");
+  for (const std::string& line : lines("2090")) all.push_back(line);
+  EXPECT_EQ(all.size(), 5U);
+  EXPECT_EQ(broken_at(all), 0U);
 }
 
 // A power cut in the middle of a line.
@@ -154,11 +176,47 @@ TEST_F(InterventionLogTest, ATornLineStaysALineOfItsOwn) {
 }
 
 // Goal: what a program asks for without end fills no disk, and the log says that it left something out.
-TEST_F(InterventionLogTest, AFloodIsCounted) {
+TEST_F(InterventionLogTest, AFloodIsBounded) {
   InterventionLog log(folder_);
-  for (int i = 0; i < 1000; ++i) log.note(word(OperatorVerb::stop), "arm", kIn2026 + i);
+  for (int i = 0; i < 1000; ++i)
+    log.note(word(i % 2 == 0 ? OperatorVerb::stop : OperatorVerb::arm), "arm", kIn2026 + i);
   EXPECT_EQ(lines().size(), InterventionLog::kMostAtOnce);
   EXPECT_EQ(log.failure(), "");
+}
+
+// Goal: `takt run --arm`, which asks until it is granted, costs no line of what comes behind it. Method: a refusal that
+// is repeated more often than lines may be written, then the arming that is granted.
+TEST_F(InterventionLogTest, WhatIsAskedAgainAndAgainIsOneLine) {
+  InterventionLog log(folder_);
+  for (int i = 0; i < 1000; ++i) log.note(word(OperatorVerb::arm, false), "arm", kIn2026 + i);
+  log.note(word(OperatorVerb::arm), "arm", kIn2026 + kSecond);
+  log.note(word(OperatorVerb::stop), "arm", kIn2026 + 2 * kSecond);
+  const auto all = lines();
+  ASSERT_EQ(all.size(), 3U);
+  EXPECT_EQ(Json::parse(all[1])["done"], true);
+  EXPECT_EQ(Json::parse(all[1])["repeated"], 999);
+  EXPECT_FALSE(Json::parse(all[2]).contains("repeated"));
+}
+
+// Goal: a full disk leaves no half of a line. Method: a limit on the size of files, in the middle of the second line.
+TEST_F(InterventionLogTest, AFullDiskLeavesNoHalfOfALine) {
+  InterventionLog log(folder_);
+  log.note(word(OperatorVerb::arm), "arm", kIn2026);
+  const auto whole = lines();
+  ASSERT_EQ(whole.size(), 1U);
+  rlimit before{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+  const rlimit small{whole[0].size() + 40, before.rlim_max};
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &small), 0);
+  log.note(word(OperatorVerb::stop), "arm", kIn2026 + kSecond);
+  ::setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_THAT(log.failure(), HasSubstr("2026.jsonl: "));
+  EXPECT_EQ(read_file(folder_ + "/2026.jsonl"), whole[0]);
+  log.note(word(OperatorVerb::reset), "arm", kIn2026 + 2 * kSecond);
+  EXPECT_EQ(lines().size(), 2U);
+  EXPECT_EQ(broken_at(lines()), 0U);
 }
 
 TEST_F(InterventionLogTest, WithoutAFolderThereIsNone) {
