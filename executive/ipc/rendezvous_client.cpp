@@ -177,7 +177,7 @@ std::expected<OperatorReply, std::string> ask(const std::string& path, OperatorV
   std::array<std::byte, sizeof message + kLongestMark> bytes{};
   text = text.substr(0, kLongestMark);
   std::memcpy(bytes.data(), &message, sizeof message);
-  std::memcpy(bytes.data() + sizeof message, text.data(), text.size());
+  if (!text.empty()) std::memcpy(bytes.data() + sizeof message, text.data(), text.size());
   send_message(lease->connection.get(), std::span(bytes).first(sizeof message + text.size()), {});
   OperatorReply reply;
   if (auto received = receive(lease->connection, reply, deadline, path); !received) {

@@ -533,6 +533,8 @@ TEST_F(RemotePolicySecured, WithoutItsFilesNoProgramJoinsTheDomain) {
   const FarMachine far = start_far("far", having(temporary_.path("ours") + "/ca"));
   EXPECT_TRUE(is_said("far", "/identity_ca.cert.pem: No such file or directory; docs/ros2.md says how to make it"))
       << logs();
+  EXPECT_TRUE(until([&] { return robot_->problem().starts_with("no policy server is in the DDS domain"); }))
+      << robot_->problem() << logs();
 }
 
 // What is not heard there is heard here: the stranger is one that can be.
