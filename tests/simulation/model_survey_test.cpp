@@ -13,6 +13,8 @@
 #include <fstream>
 #include <random>
 
+#include "simulation/mjcf_newer.hpp"
+
 namespace takt::plant {
 namespace {
 
@@ -272,6 +274,72 @@ TEST_F(ModelSurveyTest, WhatNoDriveMovesIsNamed) {
   EXPECT_EQ(followed->joints[0].name, "shoulder");
   EXPECT_NE(fmt::format("{}", fmt::join(followed->remarks, "\n")).find("no drive of their own: elbow"),
             std::string::npos);
+}
+
+// Goal: what MuJoCo learned since 2.2.2 and a robot's drives do not need hinders no import, each kind is named, and an
+// actuator of a new kind keeps its place among the motors. Method: one model with all of them, as of 2026.
+constexpr const char* kOf2026 = R"(<mujoco>
+  <extension><plugin plugin="mujoco.pid"><instance name="p"><config key="kp" value="4"/></instance></plugin></extension>
+  <compiler conflict="merge"/>
+  <option><flag ipc="enable"/></option>
+  <default><dcmotor saturation="3"/><default class="d"><pid kp="3"/></default></default>
+  <asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1" elevation="0 1 1 0"/></asset>
+  <worldbody>
+    <light softness="0.1"/>
+    <flexcomp name="cloth" type="grid" count="3 3 1" dim="2"><edge equality="true"/><pin id="0"/></flexcomp>
+    <body name="arm" simple="true"><joint name="a" axis="1 0 0"/><geom size="0.05" mass="1" surfacevel="0 0 1" adhesion="2"/>
+      <site name="s" type="mesh" mesh="m"/><plugin plugin="p.q"/>
+      <body pos="1 0 0"><joint name="b" axis="1 0 0"/><geom size="0.05" mass="1"/>
+        <body pos="1 0 0"><joint name="c" axis="1 0 0"/><geom size="0.05" mass="1"/></body></body></body>
+  </worldbody>
+  <deformable><flex name="f" dim="1"><contact condim="3"/></flex></deformable>
+  <equality><flexstrain flex="f"/></equality>
+  <actuator>
+    <dcmotor name="1" joint="c" resistance="2" ctrlrange="-3 3" input="voltage"/>
+    <plugin joint="a" plugin="mujoco.pid" instance="p"><config key="k" value="1"/></plugin>
+    <pid joint="b" kp="3" ki="1"/>
+    <orientation joint="a" kp="3"/>
+  </actuator>
+  <sensor><gyro site="s" delay="0.01"/><plugin plugin="x.y"><config key="k" value="1"/></plugin></sensor>
+</mujoco>)";
+
+TEST_F(ModelSurveyTest, WhatNewerVersionsKnowIsLeftOutByName) {
+  const auto facts = survey(kOf2026);
+  ASSERT_TRUE(facts) << facts.error();
+  EXPECT_EQ(facts->joints.size(), 3U);
+  EXPECT_EQ(facts->motors, (std::vector<std::string>{"c", "a", "b"}));
+  std::string text = kOf2026;
+  const std::string remarks = fmt::format("{}", fmt::join(leave_out_newer(text), "\n"));
+  for (const char* const what : {"element extension left out",
+                                 "conflict of compiler",
+                                 "ipc of flag",
+                                 "element dcmotor left out",
+                                 "element pid left out",
+                                 "elevation of hfield",
+                                 "softness of light",
+                                 "element flexcomp left out",
+                                 "simple of body",
+                                 "surfacevel of geom",
+                                 "adhesion of geom",
+                                 "mesh of site",
+                                 "mesh of type taken as sphere",
+                                 "element plugin left out, 2 times",
+                                 "element deformable",
+                                 "element flexstrain",
+                                 "dcmotor of actuator taken as motor",
+                                 "plugin of actuator taken as motor",
+                                 "pid of actuator taken as motor",
+                                 "element orientation",
+                                 "delay of gyro",
+                                 "resistance of dcmotor"})
+    EXPECT_NE(remarks.find(what), std::string::npos) << what << '\n' << remarks;
+}
+
+// Goal: looking for what closes an element takes no longer than the text is. Method: many that nothing closes.
+TEST_F(ModelSurveyTest, ElementsThatNothingClosesAreRefusedInTime) {
+  std::string text = "<mujoco>";
+  for (int i = 0; i < 100'000; ++i) text += "<plugin>";
+  EXPECT_FALSE(survey(text));
 }
 
 TEST_F(ModelSurveyTest, ARangeThatEndsBelowItsBeginningIsRefused) {
