@@ -127,6 +127,7 @@ class DeployReader : private ExportReader {
                                  std::vector<double> by_null) {
     const Node* node = map.find(key);
     if (node && node->kind == Node::Kind::null) return by_null;
+    if (node && node->kind == Node::Kind::scalar) return std::vector<double>(count, value_of(*node).value_or(0));
     return numbers(map, key, count);
   }
 
@@ -260,13 +261,25 @@ class DeployReader : private ExportReader {
     }
     const Node* scale = value.find("scale");
     term.is_unscaled = scale && scale->kind == Node::Kind::null;
-    if (!term.is_unscaled) term.scale = numbers(value, "scale", 0);
+    const std::size_t width = scale && scale->kind == Node::Kind::scalar ? width_of(key.text, file) : 0;
+    if (!term.is_unscaled) term.scale = numbers_or(value, "scale", width, {});
+    if (term.scale.empty() && width == 0 && scale && scale->kind == Node::Kind::scalar)
+      problems_.add(scale->place,
+                    fmt::format("one scale for all of `{}`, whose number of values the file does not say; "
+                                "write one for each",
+                                key.text));
     if (const Node* history = value.find("history_length"); history && history->kind == Node::Kind::scalar)
       term.history = history_of(*history);
     read_params(value.find("params"), term, file);
     read_clip(key, value, term, file);
     note_others(value, {"scale", "params", "clip", "history_length", "scale_first"}, key.text + ".", file);
     file.terms.push_back(std::move(term));
+  }
+
+  // 0: the name does not say.
+  static std::size_t width_of(std::string_view name, const DeployFile& file) {
+    if (name == "base_ang_vel" || name == "projected_gravity" || name == "velocity_commands") return 3;
+    return name.starts_with("joint_") || name == "last_action" ? file.slot.size() : 0;
   }
 
   void read_params(const Node* params, DeployTerm& term, DeployFile& file) {
@@ -302,6 +315,15 @@ class DeployReader : private ExportReader {
 
 }  // namespace
 
+namespace {
+
+bool is_any_export(const Node& root) {
+  constexpr std::array<std::string_view, 5> kKnown{"joint_ids_map", "actions", "observations", "kps", "step_dt"};
+  return std::ranges::any_of(kKnown, [&](std::string_view key) { return root.find(key) != nullptr; });
+}
+
+}  // namespace
+
 std::expected<DeployFile, std::string> read_deploy_file(std::string_view text, const std::string& name_for_messages,
                                                         const std::vector<std::string>& inputs) {
   Problems problems(name_for_messages);
@@ -310,7 +332,17 @@ std::expected<DeployFile, std::string> read_deploy_file(std::string_view text, c
     problems.add(root.place, "is no deploy.yaml: a section with joint_ids_map, actions and observations is expected");
   if (!problems.empty()) return std::unexpected(problems.text());
   const Node* const rl_sar = section_of_rl_sar(root);
+  const Node* const legged_rl = policy_of_legged_rl(root);
+  if (const Node* const fsm = root.find("fsm"); fsm != nullptr && fsm->find("policies") != nullptr)
+    problems.add(fsm->place, "chooses among policies, each of a configuration of its own; import one of those");
+  else if (rl_sar == nullptr && legged_rl == nullptr && !is_any_export(root))
+    problems.add(
+        root.place,
+        "is no deploy.yaml (joint_ids_map, actions, observations), and no configuration of rl_sar (one section "
+        "ROBOT/POLICY with rl_kp), legged_rl_deploy (policy.joint_ids_map) or unitree_rl_gym (kps)");
+  if (!problems.empty()) return std::unexpected(problems.text());
   DeployFile file = rl_sar != nullptr             ? read_rl_sar_file(*rl_sar, problems)
+                    : legged_rl != nullptr        ? read_legged_rl_file(root, *legged_rl, problems)
                     : root.find("kps") != nullptr ? read_rl_gym_file(root, problems)
                                                   : DeployReader(problems, inputs).read(root);
   if (!problems.empty()) return std::unexpected(problems.text());

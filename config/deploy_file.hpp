@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The deploy.yaml that Isaac Lab based tools (Unitree RL Lab's exporter) write beside an exported policy: what it says,
-// as values; likewise the files that rl_sar's and unitree_rl_gym's deployment programs read. Python tags in them are
+// as values; likewise the files that rl_sar, legged_rl_deploy and unitree_rl_gym read. Python tags in them are
 // data and are never executed.
 //
 // Orders, as that exporter writes them: `joint_ids_map[k]` is the motor slot of the policy's joint k; stiffness and

@@ -46,4 +46,8 @@ DeployFile read_rl_gym_file(const Node& root, Problems& problems);
 const Node* section_of_rl_sar(const Node& root);
 DeployFile read_rl_sar_file(const Node& section, Problems& problems);
 
+// legged_rl_deploy's config.yaml: its section `policy`. Null: the file is none.
+const Node* policy_of_legged_rl(const Node& root);
+DeployFile read_legged_rl_file(const Node& root, const Node& policy, Problems& problems);
+
 }  // namespace takt::config

@@ -22,9 +22,7 @@ class RlSarReader : private ExportReader {
 
   DeployFile read(const Node& section) {
     DeployFile file;
-    const Node* const mapping = section.find("joint_mapping");
-    const std::vector<double> slots = numbers(section, "joint_mapping", 0, "num_of_dofs");
-    read_slots(slots, mapping ? mapping->place : section.place, "joint_mapping", file);
+    read_joints(section, file);
     joints_ = file.slot.size();
     if (number(section, "num_of_dofs").value_or(0) != static_cast<double>(joints_))
       problems_.add(section.place, "`num_of_dofs` is not the number of joints in joint_mapping; export it again");
@@ -71,6 +69,8 @@ class RlSarReader : private ExportReader {
                  "torque_limits",
                  "default_dof_pos",
                  "joint_mapping",
+                 "state_mapping",
+                 "command_mapping",
                  "joint_names",
                  "joint_controller_names",
                  "dt",
@@ -82,6 +82,24 @@ class RlSarReader : private ExportReader {
  private:
   std::vector<double> by_joint(const Node& section, std::string_view key) {
     return numbers(section, key, joints_, "joint_mapping");
+  }
+
+  // Earlier versions name the motor of each joint in state_mapping, and the joint of each motor in command_mapping.
+  void read_joints(const Node& section, DeployFile& file) {
+    const bool is_earlier = section.find("joint_mapping") == nullptr && section.find("state_mapping") != nullptr;
+    const std::string_view key = is_earlier ? "state_mapping" : "joint_mapping";
+    const Node* const mapping = section.find(key);
+    const Place place = mapping ? mapping->place : section.place;
+    const std::vector<double> slots = numbers(section, key, 0, "num_of_dofs");
+    read_slots(slots, place, key, file);
+    if (!is_earlier || section.find("command_mapping") == nullptr) return;
+    const std::vector<double> back = numbers(section, "command_mapping", slots.size(), "state_mapping");
+    for (std::size_t joint = 0; joint < file.slot.size() && back.size() == slots.size(); ++joint)
+      if (slots[joint] >= static_cast<double>(back.size()) ||
+          back[static_cast<std::size_t>(slots[joint])] != static_cast<double>(joint))
+        return problems_.add(place,
+                             "state_mapping and command_mapping are not each other's inverse: a joint is read at one "
+                             "motor and moved at another; export it again");
   }
 
   void read_period(const Node& section, DeployFile& file) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // takt config new | import: a robot file to fill in, from a robot's model, and from what an export knows: a deploy.yaml
-// of Isaac Lab and Unitree's tools, the configuration of rl_sar or unitree_rl_gym, the YAML of a LEAPP bundle, or the
-// metadata in an ONNX file of exploy's, mjlab's and whole_body_tracking's exporters.
+// of Isaac Lab and Unitree's tools, the configuration of rl_sar, legged_rl_deploy or unitree_rl_gym, the YAML of a
+// LEAPP bundle, or the metadata in an ONNX file of exploy's, mjlab's and whole_body_tracking's exporters.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -252,10 +252,10 @@ void add_config_import(CLI::App& config, int& exit_code) {
       "Begin a robot file from an Isaac Lab / Unitree deploy.yaml, a LEAPP bundle, or an ONNX file's metadata.");
   auto given = std::make_shared<Given>();
   command
-      ->add_option(
-          "EXPORT", given->export_file,
-          "deploy.yaml, a configuration of rl_sar or unitree_rl_gym, a LEAPP bundle's YAML, or ONNX with metadata of "
-          "exploy, mjlab or whole_body_tracking; Python tags are never executed")
+      ->add_option("EXPORT", given->export_file,
+                   "deploy.yaml, a configuration of rl_sar, legged_rl_deploy or unitree_rl_gym, a LEAPP bundle's YAML, "
+                   "or ONNX with metadata of "
+                   "exploy, mjlab or whole_body_tracking; Python tags are never executed")
       ->required();
   command->add_option("--policy", given->policy_file,
                       "the exported ONNX or TorchScript file; default: EXPORT, where it is one or a bundle");

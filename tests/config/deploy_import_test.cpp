@@ -179,6 +179,17 @@ TEST(DeployImport, NullMeansThatNothingIsScaledOrMoved) {
   EXPECT_EQ(robot->policy->observation[1].kind, TermKind::command);
 }
 
+TEST(DeployImport, OneScaleIsForAllValues) {
+  std::string text = with("scale: [0.25, 0.5]", "scale: 0.25");
+  text.replace(text.find("scale: [0.2, 0.2, 0.2]"), 22, "scale: 0.2");
+  const auto deploy = read_deploy_file(text, "d");
+  ASSERT_TRUE(deploy) << deploy.error();
+  EXPECT_EQ(deploy->action_scale, (std::vector<double>{0.25, 0.25}));
+  EXPECT_EQ(deploy->terms.front().scale, (std::vector<double>{0.2, 0.2, 0.2}));
+  text.replace(text.find("  base_ang_vel:"), 15, "  base_height:");
+  EXPECT_NE(read_deploy_file(text, "d").error().find("one scale for all of `base_height`"), std::string::npos);
+}
+
 TEST(DeployImport, OneGroupIsTakenAndSeveralAreRefusedByWhatTheyMean) {
   const std::string text(kDeploy);
   const std::size_t at = text.find("observations:\n") + 14;

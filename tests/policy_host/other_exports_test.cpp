@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: what rl_sar's and unitree_rl_gym's programs show a network and make of its outputs, a robot file imported from
-// their configuration does too. Method: small configurations in their form, played over eight observations against an
-// implementation written here from what those programs do; published ones, where they are there, are imported.
+// Goal: what rl_sar, legged_rl_deploy and unitree_rl_gym show a network and make of its outputs, a robot file imported
+// from their configuration does too. Method: small configurations in their form, played over eight observations against
+// an implementation written here from what those programs do; published ones, where they are there, are imported.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <gtest/gtest.h>
@@ -150,6 +150,17 @@ TEST(RlSar, WhatARobotFileCannotSayIsRefusedByItsMeaning) {
             std::string::npos);
 }
 
+TEST(RlSar, EarlierMappingsAreEachOthersInverse) {
+  const std::string sound = of_rl_sar({}, true, 100).text, now = "joint_mapping: [2, 0, 3, 1]";
+  const auto deploy = config::read_deploy_file(
+      changed(sound, now, "state_mapping: [2, 0, 3, 1]\n  command_mapping: [1, 3, 0, 2]"), "config.yaml");
+  ASSERT_TRUE(deploy) << deploy.error();
+  EXPECT_EQ(deploy->robot_joint, (Indices{2, 0, 3, 1}));
+  EXPECT_NE(refusal(changed(sound, now, "state_mapping: [2, 0, 3, 1]\n  command_mapping: [2, 0, 3, 1]"))
+                .find("read at one motor and moved at another"),
+            std::string::npos);
+}
+
 TEST(RlSar, EveryKeyIsUsedOrNamed) {
   const auto deploy = config::read_deploy_file(of_rl_sar({}, true, 100).text + "  new_key: 3\n", "config.yaml");
   ASSERT_TRUE(deploy) << deploy.error();
@@ -191,6 +202,101 @@ TEST(RlGym, TermsScalesAndOrderAreItsPrograms) {
   EXPECT_EQ(deploy->command_ranges[2], (std::pair<std::string, std::pair<double, double>>{"ang_vel_z", {-1.57, 1.57}}));
   EXPECT_NE(refusal(rl_gym("", 30)).find("`num_obs` is 30"), std::string::npos);
   EXPECT_EQ(config::read_deploy_file(rl_gym("", 21), "g1.yaml")->terms.size(), 6U) << "without a phase";
+}
+
+Case of_legged_rl(const Indices& history, double clip, bool with_phase) {
+  Case one{.text = {},
+           .motors = {2, 0, 3, 1},
+           .home = {0.1, -0.2, 0.3, -0.4},
+           .scale = {0.25, 0.5, 0.25, 0.125},
+           .history = history,
+           .by_time = true,
+           .clip = clip,
+           .velocity_scale = 0.05,
+           .phase = with_phase};
+  const std::string bounds = fmt::format("min: -{0}, max: {0}", clip);
+  Numbers away;
+  for (const double home : one.home) away.push_back(-home);
+  one.text = fmt::format(
+      "llc_config_file: go2.yaml\nll_dt: 0.005\npolicy:\n  backend: ort\n  model_path: p.onnx\n  input_dim: {0}\n"
+      "  output_dim: 4\n  policy_dt: 0.02\n  joint_ids_map: [{1}]\n  stiffness: [20, 30, 40, 50]\n  damping: [1, 1, 1, "
+      "1]\n"
+      "  commands: {{}}\n  actions:\n    JointPositionAction: {{ process_order: [scale, offset], scale: [{2}], offset: "
+      "[{3}] }}\n"
+      "  observations:\n    stack: {{ length: {4}, order: {5} }}\n    terms:\n"
+      "      joint_pos: {{ process_order: [offset, scale, clip], offset: [{6}], scale: 1.0, {7} }}\n"
+      "      joint_vel: {{ process_order: [scale, clip], scale: [0.05, 0.05, 0.05, 0.05], {7} }}\n"
+      "      last_action: {{ process_order: [clip], {7} }}\n",
+      (with_phase ? 14 : 12) * history.size(), fmt::join(one.motors, ", "), fmt::join(one.scale, ", "),
+      fmt::join(one.home, ", "), history.size(), history.front() == 0 ? "newest_first" : "oldest_first",
+      fmt::join(away, ", "), bounds);
+  if (with_phase) one.text += "      gait_phase_2: { params: { cycle_time: 0.8 } }\n";
+  return one;
+}
+
+TEST(LeggedRl, ShowsAndMovesWhatItsProgramDoes) {
+  for (const Indices& history : {Indices{0}, Indices{0, 1, 2}, Indices{2, 1, 0}})
+    for (const double clip : {100.0, 0.3})
+      for (const bool with_phase : {false, true}) expect_as_trained(of_legged_rl(history, clip, with_phase));
+}
+
+// Goal: steps in any order come out as one clip and one scale, or are named. Method: by hand.
+TEST(LeggedRl, StepsInAnyOrder) {
+  const std::string sound = of_legged_rl({0}, 100, false).text;
+  const auto read = [&](const std::string& from, const std::string& to) {
+    const auto deploy = config::read_deploy_file(changed(sound, from, to), "config.yaml");
+    EXPECT_TRUE(deploy) << deploy.error();
+    return deploy.value_or(config::DeployFile{});
+  };
+  const auto velocity = [&](const std::string& text) {
+    return read("process_order: [scale, clip], scale: [0.05, 0.05, 0.05, 0.05], min: -100, max: 100", text).terms.at(1);
+  };
+  EXPECT_EQ(velocity("process_order: [clip, scale], scale: 0.05, min: -2, max: 3").clip, (Numbers{-2, 3}));
+  EXPECT_EQ(velocity("process_order: [scale, clip], scale: 0.5, min: [-2], max: [3]").clip, (Numbers{-4, 6}));
+  EXPECT_EQ(velocity("process_order: [scale, clip], scale: -0.5, min: -2, max: 3").clip, (Numbers{-6, 4}));
+  EXPECT_TRUE(velocity("scale: 7, min: -2, max: 3").clip.empty()) << "no step";
+  EXPECT_EQ(velocity("scale: 7, min: -2, max: 3").scale, Numbers(4, 1));
+  const config::DeployFile shifted = read("process_order: [offset, scale, clip]", "process_order: [clip, offset]");
+  EXPECT_TRUE(shifted.terms.at(0).clip.empty());
+  EXPECT_NE(fmt::format("{}", fmt::join(shifted.notes, "\n")).find("clip of joint_pos_rel"), std::string::npos);
+  const config::DeployFile driven = read("commands: {}",
+                                         "commands: { base_velocity: { process_order: [scale, clip], scale: [2, 0.5, "
+                                         "1], min: [-0.5, -1, -1], max: [1, 1, 1] } }");
+  using Range = std::pair<std::string, std::pair<double, double>>;
+  EXPECT_EQ(driven.command_ranges,
+            (std::vector<Range>{{"lin_vel_x", {-0.5, 1}}, {"lin_vel_y", {-0.5, 0.5}}, {"ang_vel_z", {-1, 1}}}));
+}
+
+TEST(LeggedRl, EveryKeyIsUsedNamedOrRefusedByItsMeaning) {
+  const std::string sound = of_legged_rl({0}, 100, false).text;
+  const auto deploy = config::read_deploy_file("new_key: 3\n" + sound, "config.yaml");
+  ASSERT_TRUE(deploy) << deploy.error();
+  const std::string notes = fmt::format("{}", fmt::join(deploy->notes, "\n"));
+  for (const char* key : {"new_key", "model_path", "ll_dt"}) EXPECT_NE(notes.find(key), std::string::npos) << notes;
+  for (const auto& [from, to, why] : std::vector<std::array<std::string, 3>>{
+           {"input_dim: 12", "input_dim: 13", "the terms have 12 values"},
+           {"output_dim: 4", "output_dim: 5", "has 4 joints"},
+           {"joint_ids_map: [2, 0, 3, 1]", "joint_ids_map: [2, 0, 3, 3]", "none twice"},
+           {"policy_dt: 0.02", "policy_dt: 0", "policy_dt is not positive"},
+           {"process_order: [clip]", "process_order: [clamp]", "process_order knows clip, scale and offset"},
+           {"joint_vel: { process_order: [scale, clip]", "joint_vel: { process_order: [offset], offset: 1, xs: [clip]",
+            "only joint positions have one"},
+           {"stack: {", "assemble: [{ terms: [joint_pos] }]\n    stack: {", "some of the terms only"},
+           {"stack: {", "layout: { blocks: [{ kind: current_frame }, { kind: current_frame }] }\n    stack: {",
+            "several blocks"},
+           {"JointPositionAction", "JointVelocityAction", "beside JointPositionAction"}})
+    EXPECT_NE(refusal(changed(sound, from, to)).find(why), std::string::npos) << refusal(changed(sound, from, to));
+  EXPECT_NE(refusal("go2: { dt: 0.005, decimation: 4, joint_mapping: [0, 1] }\n").find("is no deploy.yaml"),
+            std::string::npos)
+      << "rl_sar's base.yaml alone";
+  EXPECT_NE(refusal("fsm: { policies: { walk: { config: a.yaml } } }\n").find("import one of those"),
+            std::string::npos);
+  EXPECT_EQ(config::read_deploy_file(
+                changed(sound, "stack: {", "assemble: [{ terms: [joint_vel, joint_pos, last_action] }]\n    stack: {"),
+                "c.yaml")
+                ->terms.front()
+                .name,
+            "joint_vel_rel");
 }
 
 std::string text_of(const std::filesystem::path& file) {
