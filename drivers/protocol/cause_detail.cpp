@@ -103,6 +103,20 @@ std::string silence(const JointRecord& joint, MonoTime now, Duration timeout) {
   return silent > timeout ? "silent for " + digits(silent.milliseconds(), 1) + " ms" : "";
 }
 
+// All at once: no drive's own fault. Empty: some were heard, or never answered.
+std::string silence_of_all(const TickRecord& record, const config::RobotConfig& robot) {
+  const std::size_t count = std::min<std::size_t>(record.header.joint_count, robot.joints.size());
+  Duration longest;
+  for (std::size_t j = 0; j < count; ++j) {
+    const MonoTime heard = record.joints[j].feedback.received_at;
+    if (!heard.is_set() || record.header.now - heard <= robot.feedback.timeout) return {};
+    longest = std::max(longest, record.header.now - heard);
+  }
+  if (count < 2) return {};
+  return "every joint at once, silent for " + digits(longest.milliseconds(), 1) +
+         " ms: the drives' power or the buses (simulated: takt-plant) failed, or the computer stood still";
+}
+
 std::string implausible(const JointRecord& joint, const config::Joint& /*known*/) {
   if (has(joint, ReplyFault::jumped))
     return "its position jumped further than the joint can move: check its encoder, and home it before the reset";
@@ -235,6 +249,8 @@ std::string place_text(const CauseFinding& finding, const config::RobotConfig& r
 std::string cause_detail(Cause cause, const TickRecord& record, const config::RobotConfig& robot) {
   if (cause == Cause::feedback_lost && record.header.slept_ms != 0)
     return "the computer was suspended for " + digits(record.header.slept_ms / 1000.0, 1) + " s";
+  if (cause == Cause::feedback_lost)
+    if (std::string all = silence_of_all(record, robot); !all.empty()) return all;
   std::string text;
   for (const CauseFinding& finding : cause_findings(cause, record, robot))
     text += (text.empty() ? "" : "; ") + place_text(finding, robot) + ": " + finding.what;

@@ -78,6 +78,15 @@ std::string before_text(Duration before) {
                              : fmt::format("{:.1f} s before", before.seconds());
 }
 
+std::string end_text(const RunEvent& end) {
+  return fmt::format("{} {}", end.process, end.how);
+}
+
+// As seen from `at`, after which its line may have been written.
+std::string end_before(const RunEvent& end, MonoTime at) {
+  return end_text(end) + (end.at <= at ? ", " + before_text(at - end.at) : "");
+}
+
 void replace_in(std::string& text, std::string_view what, std::string_view by) {
   if (const std::size_t at = text.find(what); at != std::string::npos) text.replace(at, what.size(), by);
 }
@@ -150,11 +159,11 @@ ScriptFinding Script::of(Cause cause, MonoTime at) const {
     if (event.event == "fault" && event.what.find(": end of ") != std::string::npos) continue;
     finding.scripted = event.given + (event.what.empty() ? "" : ": " + event.what) + ", " + before_text(at - event.at);
     const RunEvent* const end = event.action == "kill" ? next("ended", event) : nullptr;
-    killed = end == nullptr ? std::string() : fmt::format("{} {}", end->process, end->how);
+    killed = end == nullptr ? std::string() : end_before(*end, at);
   }
   for (const RunEvent& event : events_) {
     if (event.event != "ended" || event.at > at + kNotedLate || (without(event.process) & this_cause) == 0) continue;
-    if (holds(event)) finding.ended = fmt::format("{} {}", event.process, event.how);
+    if (holds(event)) finding.ended = end_before(event, at);
   }
   if (!killed.empty()) finding.ended = killed;
   if ((this_cause & kCommands) != 0) finding.said = problem_at(at);
@@ -165,7 +174,7 @@ std::string Script::end_of(std::string_view process, MonoTime since) const {
   const auto end = std::ranges::find_if(events_, [&](const RunEvent& event) {
     return event.event == "ended" && event.process == process && event.at >= since;
   });
-  return end == events_.end() ? std::string() : fmt::format("{} {}", end->process, end->how);
+  return end == events_.end() ? std::string() : end_text(*end);
 }
 
 ScriptFinding Script::explain(Incident& incident) const {

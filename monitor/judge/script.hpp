@@ -18,7 +18,7 @@ namespace takt::monitor {
 
 struct ScriptFinding {
   std::string scripted;  // "--at '3 s: kill policy', 612 ms before"; empty: nothing scripted explains it
-  std::string ended;     // "takt-policy-host was killed by SIGKILL"; empty: what it needs ran
+  std::string ended;     // "takt-policy-host was killed by SIGKILL, 611 ms before"; empty: what it needs ran
   std::string said;      // "policy: its policy left, 140 ms before"; empty: its host said nothing
 };
 

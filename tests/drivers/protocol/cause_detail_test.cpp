@@ -47,6 +47,17 @@ TEST_F(CauseDetail, TellsHowLongAJointWasSilent) {
   EXPECT_EQ(detail(Cause::feedback_lost), "joint base_yaw: silent for 21.0 ms; joint shoulder: never answered");
 }
 
+TEST_F(CauseDetail, TellsThatEveryJointFellSilentAtOnce) {
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
+    record->joints[joint].feedback.received_at =
+        record->header.now - milliseconds(21) - milliseconds(1) * static_cast<std::int64_t>(joint);
+  EXPECT_EQ(detail(Cause::feedback_lost),
+            "every joint at once, silent for 26.0 ms: the drives' power or the buses (simulated: takt-plant) failed, "
+            "or the computer stood still");
+  record->joints[0].feedback.received_at = record->header.now;
+  EXPECT_EQ(detail(Cause::feedback_lost).find("every joint"), std::string::npos);
+}
+
 TEST_F(CauseDetail, TellsWhatCannotBeTrueOfAJoint) {
   record->joints[0].reply_faults = bit(ReplyFault::from_future);
   EXPECT_EQ(detail(Cause::feedback_lost), "joint base_yaw: its newest reply is stamped in the future");
