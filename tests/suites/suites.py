@@ -14,8 +14,10 @@ import json
 import os
 import pathlib
 import platform
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
 
 SOURCE, PROGRAMS = pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2]).resolve()
@@ -87,10 +89,16 @@ def answered(file):
     return done.returncode == BAD_CONFIGURATION and len(said) > 0 and all(byte >= 0x20 or byte == 0x0A for byte in said)
 
 
-def yaml():
-    files = sorted((SHARED / "yaml").glob("*.yaml"))
+def files_of(name, pattern):
+    """Those of a suite that no package has."""
+    files = sorted((SHARED / name).glob(pattern))
     if not files and os.environ.get("TAKT_REQUIRE_SHARED") == "1":
-        sys.exit(f"{SHARED / 'yaml'} is missing: TAKT_REQUIRE_SHARED is set")
+        sys.exit(f"{SHARED / name} is missing: TAKT_REQUIRE_SHARED is set")
+    return files
+
+
+def yaml():
+    files = files_of("yaml", "*.yaml")
     if not files:
         return None
     with concurrent.futures.ThreadPoolExecutor(2) as pool:
@@ -107,8 +115,90 @@ Answered: `takt config check` refuses it in plain lines, exit code 65.
     return {"yaml": {"models": len(files), "agree": good}}, text
 
 
+def json_texts():
+    files = files_of("json", "*.json")
+    if not files:
+        return None
+    is_read = run(PROGRAMS / "takt-suite-files", "json", SHARED / "json")
+    wanted = {"y": True, "n": False}
+    apart = sorted(file.name for file in files if file.name[0] in wanted and is_read[file.name] != wanted[file.name[0]])
+    may, must, never = (sum(file.name[0] == first for file in files) for first in "iyn")
+    text = f"""## JSON
+
+JSONTestSuite, by the reader of manifests, artifacts and run folders.
+A key that stands twice in an object is refused, although JSON allows it: two readers could take either.
+Read otherwise than the suite says: {", ".join(apart) or "none"}.
+
+| texts | must be read | must be refused | left open, of these read | as the suite says |
+|---|---|---|---|---|
+| {len(files)} | {must} | {never} | {may}, {sum(is_read[file.name] for file in files if file.name[0] == "i")} | {must + never - len(apart)} |
+"""
+    return {"json": {"models": len(files), "agree": must + never - len(apart)}}, text
+
+
+def is_as_described(description, read):
+    """Whether a file was read whole, with each message and each metadata record that its description has."""
+    channels, schemas, wanted, metadata = {}, {"0": ""}, [], {}
+    for record in description["records"]:
+        fields = dict(record["fields"])
+        if record["type"] == "DataEnd":
+            break
+        if record["type"] == "Schema":
+            schemas[fields["id"]] = fields["name"]
+        elif record["type"] == "Channel":
+            channels[fields["id"]] = (fields["topic"], schemas[fields["schema_id"]])
+        elif record["type"] == "Metadata":
+            metadata.update(fields["metadata"])
+        elif record["type"] == "Message":
+            topic, schema = channels[fields["channel_id"]]
+            wanted.append([topic, int(fields["log_time"]), schema, bytes(map(int, fields["data"])).hex()])
+    return isinstance(read, dict) and read["whole"] and read["messages"] == wanted and metadata.items() <= (read["metadata"] or {}).items()
+
+
+def mcap():
+    files = files_of("mcap", "*.json")
+    writer = SOURCE / "tests/node/mcap_suite.mjs"
+    if not files or not shutil.which("node") or not (writer.parent / "node_modules").is_dir():
+        return None
+    with tempfile.TemporaryDirectory(prefix="takt-mcap.") as folder:
+        run("node", writer, SHARED / "mcap", folder)
+        read = run(PROGRAMS / "takt-suite-files", "mcap", folder)
+    apart = [file.stem for file in files if not is_as_described(json.loads(file.read_text()), read.get(f"{file.stem}.mcap"))]
+    text = f"""## MCAP
+
+The conformance suite's files, written from their descriptions by MCAP's reference library, and equal to the suite's own by their SHA-256.
+As described: read whole, with every message (topic, schema, time, bytes) and all metadata.
+Read otherwise: {", ".join(apart) or "none"}.
+
+| files | as described |
+|---|---|
+| {len(files)} | {len(files) - len(apart)} |
+"""
+    return {"mcap": {"models": len(files), "agree": len(files) - len(apart)}}, text
+
+
+def ed25519():
+    files = files_of("ed25519", "*.json")
+    if not files:
+        return None
+    sys.path.insert(0, str(SOURCE / "lab/artifact"))
+    sys.dont_write_bytecode = True
+    import verify_seal
+    cases = [(bytes.fromhex(group["publicKey"]["pk"]), case) for file in files for group in json.loads(file.read_text())["testGroups"] for case in group["tests"]]
+    good = sum(verify_seal.is_signature(key, bytes.fromhex(case["msg"]), bytes.fromhex(case["sig"])) == (case["result"] == "valid") for key, case in cases)
+    text = f"""## Ed25519
+
+Wycheproof's signatures, by the verifier of seals (`lab/artifact/verify_seal.py`).
+
+| signatures | judged as the suite says |
+|---|---|
+| {len(cases)} | {good} |
+"""
+    return {"ed25519": {"models": len(cases), "agree": good}}, text
+
+
 def main():
-    made = [one for one in (onnx(), yaml()) if one]
+    made = [one for one in (onnx(), yaml(), json_texts(), mcap(), ed25519()) if one]
     if not made:
         print("NOT TESTED: no suite is there (libonnx-testdata, ../shared/suites)", file=sys.stderr)
         sys.exit(77)
