@@ -77,16 +77,25 @@ std::vector<std::string> policy_files(const std::string& path) {
 }
 
 std::expected<std::uint64_t, std::string> policy_hash(const std::string& path) {
+  const auto sha256 = policy_sha256(path);
+  if (!sha256) return std::unexpected(sha256.error());
+  return leading_64_bits(*sha256);
+}
+
+std::expected<std::string, std::string> policy_sha256(const std::string& path) {
   constexpr std::uintmax_t kLargest = std::uintmax_t{16} << 30U;  // bytes: what a robot PC can load
-  Sha256 sha;
-  for (const std::string& file : policy_files(path)) {
+  const std::vector<std::string> files = policy_files(path);
+  std::string first, listing;
+  for (const std::string& file : files) {
     std::error_code unknown;
     if (const auto size = std::filesystem::file_size(file, unknown); !unknown && size > kLargest)
       return std::unexpected(fmt::format("policy file {}: larger than 16 GiB; check `policy.file`", file));
-    if (const auto added = add_file(sha, file); !added)
-      return std::unexpected(fmt::format("policy file {}: {}; check `policy.file`", file, added.error()));
+    const auto sha256 = file_sha256(file);
+    if (!sha256) return std::unexpected(fmt::format("policy file {}: {}; check `policy.file`", file, sha256.error()));
+    if (first.empty()) first = *sha256;
+    listing += fmt::format("{}  {}\n", *sha256, std::filesystem::path(file).filename().string());
   }
-  return leading_64_bits(sha.hex());
+  return files.size() == 1 ? first : sha256_hex(listing);
 }
 
 }  // namespace takt::config

@@ -48,6 +48,8 @@ std::expected<RobotConfig, std::string> robot_of(Node root, const std::string& n
 
   seal(robot);
   if (robot.policy) robot.policy->file = absolute_path(robot.policy->file, robot.file);
+  if (robot.policy && robot.policy->names_key())
+    robot.policy->signed_by = absolute_path(robot.policy->signed_by, robot.file);
   if (robot.policy && robot.policy->engine)
     for (std::string* const path : {&robot.policy->engine->name, &robot.policy->engine->library})
       if (path->contains('/')) *path = absolute_path(*path, robot.file);

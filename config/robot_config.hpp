@@ -323,6 +323,7 @@ struct Engine {
 
 struct Policy {
   std::string file;              // absolute after load
+  std::string signed_by;         // public key, PEM; absolute after load; "none": any file is taken
   std::optional<Engine> engine;  // absent: as Engine says
   Duration period;
   Duration step_period;
@@ -339,6 +340,7 @@ struct Policy {
   std::optional<ChunkMonitors> monitors;
   std::optional<Sampler> sampler;
   std::optional<Speculation> speculation;  // absent: no speculative chunk is taken
+  [[nodiscard]] bool names_key() const { return !signed_by.empty() && signed_by != "none"; }
 };
 
 // 8-bit, row after row, channels of a pixel together.

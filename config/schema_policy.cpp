@@ -290,6 +290,12 @@ void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& 
   for (const Sensor& sensor : robot.sensors) sensors.emplace_back(sensor.name);
   fields.text({"file", "ONNX file, or what another engine reads; a relative path starts at this file's folder"},
               policy.file);
+  fields.text(
+      {"signed_by",
+       "public key of Ed25519, PEM: policies arm this robot only with its signature beside their file, FILE.sig "
+       "(docs/policies.md)",
+       "none"},
+      policy.signed_by);
   fields.duration({"period", "an observation is published this often; a whole number of control periods"},
                   policy.period, microseconds(100), seconds(10));
   fields.duration({"step_period", "time between two steps of an action chunk"}, policy.step_period, microseconds(100),

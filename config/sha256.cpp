@@ -35,6 +35,8 @@ std::string Sha256::hex() {
   return text;
 }
 
+namespace {
+
 std::expected<void, std::string> add_file(Sha256& sha, const std::string& path) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (fd < 0) return std::unexpected(std::strerror(errno));
@@ -52,6 +54,8 @@ std::expected<void, std::string> add_file(Sha256& sha, const std::string& path) 
   if (!why.empty()) return std::unexpected(why);
   return {};
 }
+
+}  // namespace
 
 std::expected<std::string, std::string> file_sha256(const std::string& path) {
   Sha256 sha;

@@ -27,7 +27,6 @@ class Sha256 {
 };
 
 // Never blocks on a pipe. The error: why the file cannot be read, such as "is not a regular file".
-std::expected<void, std::string> add_file(Sha256& sha, const std::string& path);
 std::expected<std::string, std::string> file_sha256(const std::string& path);
 
 }  // namespace takt::config

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "config/cautions.hpp"
+#include "config/hash.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/contract/contract_layout.hpp"
@@ -22,11 +23,6 @@ pid_t pid_behind(int socket) {
   ucred credentials{};
   socklen_t size = sizeof credentials;
   return ::getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &credentials, &size) == 0 ? credentials.pid : 0;
-}
-
-std::string hash_of_file(const std::string& path) {
-  const auto content = read_file(path);
-  return content ? config::sha256_hex(*content) : std::string();
 }
 
 // Both clocks as the executive read them together when it started; else as this process reads them now.
@@ -95,7 +91,7 @@ RunManifest describe(const ExecutiveSession& session, const config::RobotConfig&
   manifest.config_sha256 = robot.sha256;
   if (robot.policy) {
     manifest.policy_file = robot.policy->file;
-    manifest.policy_sha256 = hash_of_file(robot.policy->file);
+    manifest.policy_sha256 = config::policy_sha256(robot.policy->file).value_or("");
   }
   manifest.executive_pid = session.pid();
   if (const auto text = read_file(runtime_directory + "/executive.json")) {

@@ -10,8 +10,8 @@
 #include <filesystem>
 
 #include "cli/run/external_tool.hpp"
+#include "config/hash.hpp"
 #include "config/paths.hpp"
-#include "config/sha256.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/rendezvous.hpp"
 
@@ -65,7 +65,7 @@ void note_deployment(const std::string& runs, const config::RobotConfig& robot, 
     note("note", fmt::format("not in a log of interventions: there is no folder {} (docs/duties.md)", folder));
   deployment.robot = robot.robot;
   deployment.config_sha256 = robot.sha256;
-  if (robot.policy) deployment.policy = config::file_sha256(robot.policy->file).value_or("");
+  if (robot.policy) deployment.policy = config::policy_sha256(robot.policy->file).value_or("");
   const auto now = std::chrono::system_clock::now().time_since_epoch();
   log.note(deployment, std::chrono::nanoseconds(now).count());
   if (!log.failure().empty()) note("warning", "an intervention is not in the log: " + log.failure());

@@ -27,10 +27,10 @@ bool is_stop(std::string_view of) {
   return of.starts_with(kStops);
 }
 
-// Sections that only record or tell; keys whose files enter by their contents.
+// Sections that only record or tell; keys whose files enter by their contents, and one that moves nothing.
 std::string moving_lines(const config::RobotConfig& robot) {
   constexpr std::array<std::string_view, 4> kTelling{"record:", "dds:", "prometheus:", "otlp:"};
-  constexpr std::array<std::string_view, 2> kNot{"shown_by:", "file:"};
+  constexpr std::array<std::string_view, 3> kNot{"shown_by:", "file:", "signed_by:"};
   std::string text;
   bool inside = true;
   for (std::size_t at = 0; at < robot.resolved.size();) {

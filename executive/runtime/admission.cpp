@@ -24,7 +24,8 @@ AdmissionRules admission_rules(const config::RobotConfig& robot, std::uint64_t p
           config::joint_names_hash(robot),
           static_cast<std::uint32_t>(robot.joints.size()),
           robot.policy ? robot.policy->steps : 0,
-          robot.policy ? robot.policy->file : std::string()};
+          robot.policy ? robot.policy->file : std::string(),
+          robot.policy && robot.policy->names_key() ? robot.policy->signed_by : std::string()};
 }
 
 std::string refusal_of_policy(const Hello& hello, const AdmissionRules& rules) {
@@ -55,6 +56,10 @@ std::string refusal_of_policy(const Hello& hello, const AdmissionRules& rules) {
 std::string refusal_of_candidate(const Hello& hello, const AdmissionRules& rules, std::uint64_t in_charge) {
   if (hello.policy_hash == 0)
     return "a candidate has to say which policy it is: set policy_hash to the first 8 bytes of its file's SHA-256";
+  if (!rules.signed_by.empty())
+    return fmt::format(
+        "this robot takes policies signed by {} only, and a candidate shows no signature: deploy it instead",
+        rules.signed_by);
   if (in_charge != 0 && hello.policy_hash != in_charge) {
     return fmt::format(
         "candidate {:016x} is in charge of the robot, and {:016x} may not take its place: `takt policy back` first",

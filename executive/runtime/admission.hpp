@@ -18,6 +18,7 @@ struct AdmissionRules {
   std::uint32_t joint_count = 0;
   std::uint32_t step_count = 0;  // 0: any
   std::string policy_file;       // for messages
+  std::string signed_by;         // key that a policy's file has to be signed by; empty: none
 };
 
 // `robot`: as the policy's host sees it.

@@ -13,6 +13,7 @@
 #include "config/load.hpp"
 #include "config/observation_shape.hpp"
 #include "config/paths.hpp"
+#include "config/policy_signature.hpp"
 #include "drivers/protocol/bus_load.hpp"
 #include "executive/ipc/unix_socket.hpp"
 #include "executive/program/program.hpp"
@@ -75,7 +76,7 @@ int run(const Options& options) {
   if (!guest) return refuse(kExitUsage, guest.error());
   std::uint64_t policy_hash = 0;
   if (robot->policy) {
-    const auto hash = config::policy_hash(robot->policy->file);
+    const auto hash = config::accepted_policy_hash(*robot->policy);
     if (!hash) return refuse(config::kExitBadConfiguration, hash.error());
     policy_hash = *hash;
   }
@@ -83,7 +84,7 @@ int run(const Options& options) {
   const config::RobotConfig fallback_robot = fallback != nullptr ? config::seen_by_fallback(*robot, *fallback) : *robot;
   std::uint64_t fallback_hash = 0;
   if (fallback != nullptr) {
-    const auto hash = config::policy_hash(fallback_robot.policy->file);
+    const auto hash = config::accepted_policy_hash(*fallback_robot.policy);
     if (!hash) return refuse(config::kExitBadConfiguration, hash.error());
     fallback_hash = *hash;
   }

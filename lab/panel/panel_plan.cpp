@@ -6,8 +6,6 @@
 #include <time.h>
 
 #include <algorithm>
-#include <fstream>
-#include <iterator>
 #include <utility>
 
 #include "config/hash.hpp"
@@ -37,14 +35,6 @@ std::string plant_text(const config::RobotConfig& robot) {
     at = end + 1;
   }
   return text;
-}
-
-// `key`: of the robot file, that names it.
-std::expected<std::string, std::string> sha256_of_file(const std::string& path, const char* key) {
-  std::ifstream stream(path, std::ios::binary);
-  const std::string bytes{std::istreambuf_iterator<char>(stream), {}};
-  if (!stream) return std::unexpected(fmt::format("{}: cannot be read; check `{}`", path, key));
-  return config::sha256_hex(bytes);
 }
 
 // Of the robot file's plant, an MJCF by its contents, and of what the process that plays the mechanics calls itself
@@ -85,7 +75,7 @@ std::expected<Contestant, std::string> make_contestant(const config::RobotConfig
   Contestant made;
   made.robot = std::move(*robot);
   const config::Policy& section = *made.robot.policy;
-  auto sha256 = sha256_of_file(section.file, "policy.file");
+  auto sha256 = config::policy_sha256(section.file);
   if (!sha256) return std::unexpected(sha256.error());
   made.policy_sha256 = std::move(*sha256);
   made.policy_hash = config::leading_64_bits(made.policy_sha256);

@@ -5,6 +5,7 @@
 
 #include "config/load.hpp"
 #include "config/observation_shape.hpp"
+#include "config/policy_signature.hpp"
 #include "evidence/rollout/rollout.hpp"
 #include "policy_host/engines/load_policy.hpp"
 #include "policy_host/fenced_load.hpp"
@@ -30,7 +31,7 @@ std::string trouble_in(const panel::RolloutRow& row) {
 
 std::expected<std::string, std::string> roll_out(const config::RobotConfig& robot, const panel::Answering& policy,
                                                  panel::WorldProcess* world) {
-  const auto hash = config::policy_hash(robot.policy->file);
+  const auto hash = config::accepted_policy_hash(*robot.policy);
   if (!hash) return std::unexpected(hash.error());
   const auto fallback = panel::load_fallback_host(robot);
   if (!fallback) return std::unexpected(fallback.error());
@@ -81,7 +82,7 @@ std::expected<std::string, std::string> smoke_run(const config::RobotConfig& rob
   if (!robot.policy) return "no policy: nothing to try before the robot itself";
   if (const auto fine = policy_host::check_policy_section(robot); !fine) return std::unexpected(fine.error());
   if (!outside.policy.empty()) {
-    const auto hash = config::policy_hash(robot.policy->file);
+    const auto hash = config::accepted_policy_hash(*robot.policy);
     if (!hash) return std::unexpected(hash.error());
     // It inherits where it may run.
     if (const auto fence = policy_host::keep_off_processor(robot.control.cpu); !fence)

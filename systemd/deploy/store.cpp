@@ -19,6 +19,7 @@
 
 #include "config/hash.hpp"
 #include "config/load.hpp"
+#include "config/policy_signature.hpp"
 #include "config/sha256.hpp"
 
 namespace takt::deploy {
@@ -87,8 +88,10 @@ std::vector<PolicyCopy> policies_of(const config::RobotConfig& robot) {
   return policies;
 }
 
-// With the weights beside it, under its own names: the policy names them.
-Done copy_policy(const PolicyCopy& policy, const std::string& deployment) {
+constexpr const char* kPolicyKey = "signed_by.pem";
+
+// With the weights beside it, under its own names: the policy names them. And with its signature.
+Done copy_policy(const PolicyCopy& policy, const std::string& deployment, bool is_signed) {
   const std::string folder = (fs::path(deployment) / policy.folder).string();
   std::error_code error;
   fs::create_directories(folder, error);
@@ -97,7 +100,9 @@ Done copy_policy(const PolicyCopy& policy, const std::string& deployment) {
   for (const std::string& file : config::policy_files(policy.from)) {
     if (auto done = copy_file(file, (fs::path(folder) / fs::path(file).filename()).string()); !done) return done;
   }
-  return {};
+  const std::string signature = config::signature_of_policy(policy.from);
+  if (!is_signed || !fs::exists(signature)) return {};
+  return copy_file(signature, (fs::path(folder) / fs::path(signature).filename()).string());
 }
 
 // What a panel showed of it goes with the robot; one that is not there is not, and `takt config check` says so.
@@ -222,6 +227,8 @@ Done Store::fill(const std::string& staging, const Newcomer& newcomer) {
   for (const PolicyCopy& policy : policies) own.push_back({policy.key, policy.path()});
   const std::vector<AttestationCopy> attestations = attestations_of(newcomer.robot);
   for (const AttestationCopy& attestation : attestations) own.push_back({attestation.key, attestation.name});
+  const bool is_signed = newcomer.robot.policy && newcomer.robot.policy->names_key();
+  if (is_signed) own.push_back({"policy.signed_by", kPolicyKey});
   own.push_back({"record.directory", newcomer.runs_folder});
   const auto copy = config::with_overrides(newcomer.robot, own);
   if (!copy) return std::unexpected(copy.error());
@@ -235,7 +242,9 @@ Done Store::fill(const std::string& staging, const Newcomer& newcomer) {
                  [&] {
                    Done done;
                    for (const PolicyCopy& policy : policies)
-                     if (done) done = stepping(copy_policy(policy, staging));
+                     if (done) done = stepping(copy_policy(policy, staging, is_signed));
+                   if (done && is_signed)
+                     done = stepping(copy_file(newcomer.robot.policy->signed_by, staging + "/" + kPolicyKey));
                    for (const AttestationCopy& attestation : attestations)
                      if (done) done = stepping(copy_attestation(attestation, staging));
                    return done;

@@ -638,9 +638,15 @@ TEST(Hash, WeightsBesideThePolicyAreItsPart) {
   EXPECT_EQ(policy_files(file.string()), std::vector<std::string>{file.string()});
   std::ofstream(data) << "bc";
   EXPECT_EQ(policy_files(file.string()), (std::vector<std::string>{file.string(), data}));
-  EXPECT_EQ(policy_hash(file.string()).value(), 0xba7816bf8f01cfeaULL);  // of "abc", in this order
+  // `cd FOLDER && sha256sum beside.onnx beside.onnx.data | sha256sum`
+  const std::string sha256 = policy_sha256(file.string()).value();
+  EXPECT_EQ(sha256, sha256_hex(sha256_hex("a") + "  beside.onnx\n" + sha256_hex("bc") + "  beside.onnx.data\n"));
+  EXPECT_EQ(policy_hash(file.string()).value(), leading_64_bits(sha256));
+  std::ofstream(file) << "ab";
+  std::ofstream(data) << "c";
+  EXPECT_NE(policy_sha256(file.string()).value(), sha256) << "weights begin elsewhere";
   std::filesystem::remove(data);
-  EXPECT_NE(policy_hash(file.string()).value(), 0xba7816bf8f01cfeaULL);
+  EXPECT_EQ(policy_sha256(file.string()).value(), sha256_hex("ab")) << "one file's is the file's";
   std::filesystem::create_directory(data);
   EXPECT_NE(policy_hash(file.string()).error().find(data), std::string::npos);
   std::filesystem::remove(data);

@@ -11,7 +11,7 @@ namespace {
 
 using testing::HasSubstr;
 
-const AdmissionRules kRules{0xAAAA, 0xBBBB, 0xCCCC, 6, 16, "reach.onnx"};
+const AdmissionRules kRules{0xAAAA, 0xBBBB, 0xCCCC, 6, 16, "reach.onnx", ""};
 
 Hello admissible() {
   Hello hello;
@@ -56,6 +56,13 @@ TEST(Admission, ACandidateMayBeAnyPolicyOfThisRobotThatSaysWhichItIs) {
   hello = admissible();
   hello.policy_hash = 0;
   EXPECT_THAT(refusal_of_candidate(hello, kRules, 0), HasSubstr("which policy it is"));
+  hello = admissible();
+  AdmissionRules signed_only = kRules;
+  signed_only.signed_by = "/etc/lab.pub";
+  EXPECT_EQ(refusal_of_policy(hello, signed_only), "") << "its file was checked at the start";
+  EXPECT_EQ(
+      refusal_of_candidate(hello, signed_only, 0),
+      "this robot takes policies signed by /etc/lab.pub only, and a candidate shows no signature: deploy it instead");
 }
 
 struct Deviation {

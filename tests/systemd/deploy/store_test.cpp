@@ -117,6 +117,25 @@ TEST_F(Deployments, TheFallbacksPolicyComesAlongWithItsWeights) {
   EXPECT_EQ(config::policy_hash(robot.fallbacks.front().file).value(), hash);
 }
 
+// Goal: a robot that asks for a signed policy can be deployed. Method: key and signature are gone where they came from.
+TEST_F(Deployments, TheKeyAndTheSignaturesComeAlong) {
+  std::ofstream(root_ + "/from/lab.pub") << "key";
+  std::ofstream(root_ + "/from/arm6_reach.onnx.sig") << "signature";
+  const std::vector<config::Override> signed_by{{"policy.signed_by", "lab.pub"}};
+  robot_ = config::with_overrides(robot_, signed_by).value();
+  deploy("one");
+  fs::remove_all(root_ + "/from");
+  const auto robot = config::load(store() + "/robot/robot.yaml").value();
+  const auto content = [](const std::string& file) {
+    std::ostringstream text;
+    text << std::ifstream(file).rdbuf();
+    return text.str();
+  };
+  EXPECT_TRUE(robot.policy->signed_by.starts_with(fs::canonical(store()).string())) << robot.policy->signed_by;
+  EXPECT_EQ(content(robot.policy->signed_by), "key");
+  EXPECT_EQ(content(robot.policy->file + ".sig"), "signature");
+}
+
 // The robot's processes are other users than who deploys.
 TEST_F(Deployments, AreReadableWhateverTheUmask) {
   const mode_t before = umask(077);
