@@ -75,7 +75,7 @@ class ModelReader {
   }
 
   std::expected<void, std::string> append(const std::string& text, std::size_t file, std::size_t line) {
-    if (text.contains("<xacro:"))
+    if (text.contains("<xacro:") || text.contains("=\"${"))
       return std::unexpected(model_.files[file] +
                              ": is xacro, which writes models: run `xacro FILE > robot.urdf`, and name robot.urdf");
     open_.push_back(model_.files[file]);

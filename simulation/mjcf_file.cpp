@@ -9,6 +9,8 @@
 #include <optional>
 #include <string_view>
 #include <system_error>
+#include <utility>
+#include <vector>
 
 #include "config/xml_tags.hpp"
 #include "simulation/mjcf_frames.hpp"
@@ -110,6 +112,33 @@ std::filesystem::path mesh_file(std::string_view named, const std::filesystem::p
   return first_of({elsewhere / within, elsewhere / rest, elsewhere / within.filename()}, folder / rest);
 }
 
+// A link between two joints without mass or shape is usual in URDFs, and refused by MuJoCo.
+void weigh_bare_links(std::string& text) {
+  const std::string inertial = fmt::format(
+      R"(<inertial><mass value="{0}"/><inertia ixx="{1}" iyy="{1}" izz="{1}" ixy="0" ixz="0" iyz="0"/></inertial>)",
+      kLeastLinkMass, kLeastLinkInertia);
+  std::vector<std::pair<std::size_t, bool>> bare;  // where it ends; whether it is <link/>
+  std::size_t depth = 0;                           // 1: in the robot
+  bool has_weight = false;
+  for_each_tag(text, [&](const config::XmlTag& tag) {
+    depth -= tag.closes && depth > 0 ? 1U : 0U;
+    const bool is_link = depth == 1 && tag.name == "link";
+    if (is_link && tag.is_empty) bare.emplace_back(tag.end, true);
+    if (is_link && tag.closes && !has_weight) bare.emplace_back(tag.begin, false);
+    if (is_link) has_weight = false;
+    if (tag.name == "inertial" || tag.name == "collision") has_weight = true;
+    depth += tag.closes || tag.is_empty ? 0U : 1U;
+  });
+  std::string made;
+  std::size_t from = 0;
+  for (const auto& [at, is_empty] : bare) {
+    made += text.substr(from, at - from - (is_empty ? 2 : 0)) + (is_empty ? ">" : "") + inertial +
+            (is_empty ? "</link>" : "");
+    from = at;
+  }
+  text = made + text.substr(from);
+}
+
 // Meshes by whole paths: MuJoCo looks for the name alone, in the folder of the file that it is given.
 void complete_urdf(std::string& text, const std::string& folder, const std::string& mesh_path) {
   std::string made;
@@ -121,6 +150,7 @@ void complete_urdf(std::string& text, const std::string& folder, const std::stri
     if (tag.name == "robot" && !tag.closes && behind_root == 0) behind_root = tag.end;
   });
   if (has_mujoco || behind_root == 0) return;
+  weigh_bare_links(text);
   for_each_tag(text, [&](const config::XmlTag& tag) {
     if (tag.begin >= behind_root && from < behind_root) {
       made += text.substr(from, behind_root - from) + R"(<mujoco><compiler strippath="false"/></mujoco>)";

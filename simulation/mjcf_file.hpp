@@ -10,6 +10,9 @@
 
 namespace takt::plant {
 
+// What a URDF's link without a mass weighs: kg, kgm2.
+inline constexpr double kLeastLinkMass = 1e-6, kLeastLinkInertia = 1e-9;
+
 struct MendedMjcf {
   std::string text;
   std::vector<std::string> mended;  // one sentence for each kind of change, with the first line it was made in

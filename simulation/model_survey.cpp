@@ -26,6 +26,7 @@ std::expected<std::string, std::string> model_with_whole_paths(const std::string
 #include "config/robot_text.hpp"
 #include "config/units.hpp"
 #include "config/xml_tags.hpp"
+#include "simulation/mjcf_file.hpp"
 #include "simulation/mujoco_model.hpp"
 
 namespace takt::plant {
@@ -189,6 +190,15 @@ void sort_joints(const mjModel& model, mjData& data, int root, config::ModelFact
     facts.remarks.emplace_back("the base is free and nothing of the world collides: in simulation the robot falls");
 }
 
+std::vector<std::string> remarks_on_weight(const mjModel& model) {
+  std::vector<std::string> remarks;
+  for (int body = 1; body < model.nbody; ++body)
+    if (model.body_mass[body] < kLeastLinkMass * 100 && model.body_jntnum[body] > 0)
+      remarks.push_back(fmt::format("link {} has no mass: taken as {:g} kg; write its inertial",
+                                    name_of(model, mjOBJ_BODY, body), kLeastLinkMass));
+  return remarks;
+}
+
 std::expected<config::ModelFacts, std::string> survey(const std::string& path, const std::string& mesh_path) {
   auto model_text = config::read_model_text(path);
   if (!model_text) return std::unexpected(model_text.error());
@@ -203,6 +213,7 @@ std::expected<config::ModelFacts, std::string> survey(const std::string& path, c
   mj_forward(&model, data.get());
   config::ModelFacts facts;
   if (root >= 0) sort_joints(model, *data, root, facts);
+  for (std::string& remark : remarks_on_weight(model)) facts.remarks.push_back(std::move(remark));
   facts.motors = motors_of(model, root);
   if (facts.joints.empty() && facts.slides.empty())
     return std::unexpected(path + ": has no hinge that a drive could move");

@@ -69,8 +69,8 @@ std::expected<Model, std::string> compile(const std::string& path) {
       sentence.find("rror opening file") != std::string::npos || sentence.find("ould not open") != std::string::npos;
   return std::unexpected(
       fmt::format("MuJoCo {} refuses it: {}{}", mj_versionString(), sentence,
-                  is_unknown   ? "; take it out, or play the model in a newer version as a world of your own "
-                                 "(docs/world-protocol.md)"
+                  is_unknown   ? "; take it out, or save the model as one file by the MuJoCo that knows it "
+                                 "(mj_saveLastXML), or play it there as a world of your own (docs/world-protocol.md)"
                   : lacks_file ? "; name the folder of its meshes with takt config new or import and --mesh-path"
                                : ""));
 }

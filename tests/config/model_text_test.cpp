@@ -43,6 +43,7 @@ TEST_F(ModelTextTest, XacroIsNamedAsSuch) {
   const auto model = read_model_text(path);
   ASSERT_FALSE(model);
   EXPECT_THAT(model.error(), HasSubstr(path + ": is xacro"));
+  EXPECT_THAT(read_model_text(put("e.urdf", "<robot><limit effort=\"${e}\"/></robot>")).error(), HasSubstr("is xacro"));
   EXPECT_TRUE(read_model_text(put("r.urdf", "<robot xmlns:xacro='x'><!-- <xacro:a/> --><link name='a'/></robot>")))
       << "what xacro wrote";
 }

@@ -9,7 +9,8 @@ in `build/python`, and has BIN_DIR first in PATH:
     ```console            lines that begin with "$ " are commands for bash; "> " below one goes on with it
 
 Lines below a command are what it prints, on stdout and stderr together: `...` stands for any text within a line, and
-alone on a line for any number of lines; a number with a decimal point may be off by a tenth. Without such lines the output is not looked at. A command must exit with 0; one
+alone on a line for any number of lines; a number with a decimal point may be off by a tenth. Without such lines the output is not looked at, and how far
+a command has come, which it says after half a minute, is no part of it. A command must exit with 0; one
 that is meant to fail prints its code (`; echo "exit code $?"`). Other blocks are left alone.
 
 --patient: the demo arm of the page's `config/` is patient with a machine that stalls, as the tests' robots are: what a page of a robot at real
@@ -32,6 +33,7 @@ from patient import patient  # noqa: E402
 
 COMMAND_TIMEOUT_S = 240
 TOLERANCE = 0.1  # of numbers with a decimal point: mathematical functions differ between processors
+PROGRESS = re.compile(r"^\d+/\d+ [a-z ]+(?:, \d+:\d\d left)?(?:: .*)?\n", re.MULTILINE)
 NUMBER = re.compile(r"(\d+\.\d+)")
 
 
@@ -91,7 +93,7 @@ def problem(command, expected, folder, environment):
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=COMMAND_TIMEOUT_S)
     except subprocess.TimeoutExpired:
         return f"did not end within {COMMAND_TIMEOUT_S} s"
-    output = done.stdout if done.stdout.endswith("\n") or not done.stdout else done.stdout + "\n"
+    output = PROGRESS.sub("", done.stdout if done.stdout.endswith("\n") or not done.stdout else done.stdout + "\n")
     if done.returncode != 0:
         return f"exit code {done.returncode}; it printed\n{output}"
     if any(line.strip() for line in expected) and not agrees(output, expected):

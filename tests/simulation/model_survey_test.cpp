@@ -342,6 +342,33 @@ TEST_F(ModelSurveyTest, ElementsThatNothingClosesAreRefusedInTime) {
   EXPECT_FALSE(survey(text));
 }
 
+// Goal: a URDF's link between two joints needs no mass, and one at the end that has none is named. Method: a wrist
+// whose tool is fixed to a bare link; the same without the tool.
+TEST_F(ModelSurveyTest, AUrdfsLinksMayLackAMass) {
+  const std::string robot = R"(<robot name="arm"><link name="base"/><link name="wrist"/>
+    <joint name="turn" type="revolute"><parent link="base"/><child link="wrist"/><axis xyz="0 1 0"/>
+      <limit lower="-1" upper="2" effort="40" velocity="3"/></joint>)";
+  const std::string tool = R"(<link name="tool"><inertial><origin xyz="0 0 -1"/><mass value="2"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <joint name="fix" type="fixed"><parent link="wrist"/><child link="tool"/></joint>)";
+  const auto with_tool = survey(robot + tool + "</robot>");
+  ASSERT_TRUE(with_tool) << with_tool.error();
+  EXPECT_NEAR(with_tool->joints.at(0).inertia, 2.01, 1e-4);
+  EXPECT_TRUE(with_tool->remarks.empty()) << with_tool->remarks.front();
+  // A follower makes MuJoCo read again what it wrote.
+  const std::string follower = R"(<link name="finger"><inertial><mass value="0.1"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <joint name="close" type="revolute"><parent link="base"/><child link="finger"/><axis xyz="0 1 0"/>
+      <limit lower="-1" upper="2" effort="40" velocity="3"/><mimic joint="turn"/></joint></robot>)";
+  const auto followed = survey(robot + tool + follower);
+  ASSERT_TRUE(followed) << followed.error();
+  EXPECT_NEAR(followed->joints.at(0).inertia, 2.01, 0.02);
+  const auto bare = survey(robot + "</robot>");
+  ASSERT_TRUE(bare) << bare.error();
+  ASSERT_EQ(bare->remarks.size(), 1U);
+  EXPECT_EQ(bare->remarks.front(), "link wrist has no mass: taken as 1e-06 kg; write its inertial");
+}
+
 TEST_F(ModelSurveyTest, ARangeThatEndsBelowItsBeginningIsRefused) {
   std::string text = kFollowing;
   text.replace(text.find("lower=\"-1\""), 10, "lower=\"9\"");

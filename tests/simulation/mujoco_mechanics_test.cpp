@@ -189,7 +189,7 @@ TEST_F(MujocoTest, WhatAModelLacksIsSaidInOneSentence) {
   const std::string broken = refusal_of("<mujoco>\n<worldbody>\n<body nonsense=\"1\"/>\n</worldbody></mujoco>");
   EXPECT_NE(broken.find("nonsense"), std::string::npos) << broken;
   EXPECT_NE(broken.find("line 3"), std::string::npos) << "the user's own line: " << broken;
-  EXPECT_NE(broken.find("take it out, or play the model in a newer version"), std::string::npos) << broken;
+  EXPECT_NE(broken.find("take it out, or save the model as one file"), std::string::npos) << broken;
   config::RobotConfig robot = robot_in(kHopper, {"hip"});
   robot.simulation->mujoco->keyframe = "low";
   EXPECT_NE(MujocoMechanics::make(robot).error().find("has no keyframe `low`"), std::string::npos);
