@@ -13,6 +13,7 @@ where they are the maker's manual or at least two; the first one's word counts. 
 motor), bench (measured), or seller, whose table counts for nothing: it may be copied. Another range stands in the robot
 file. A table of the MIT protocol is no source for a RobStride in its own protocol: the same drive spans other ranges there.
 """
+import collections
 import dataclasses
 import math
 import pathlib
@@ -27,7 +28,7 @@ AGREE_WITHIN = 0.005
 ORDER = ["AK80-9", "AK10-9", "AK60-6", "AK70-10", "AK80-6", "AK80-64", "DM3507", "DM4310", "DM4310_48V", "DM4310P", "DM4340",
          "DM4340_48V", "DM6006", "DM6248P", "DM8006", "DM8009", "DM10010L", "DM10010", "DM10422P", "DMH3510", "DMH6215",
          "DMG6220", "DMJH11", "CyberGear", "RS00", "RS01", "RS02", "RS03", "RS04", "RS05", "RS06"]
-TABLE_HEAD = "| model | velocity, rad/s | torque, Nm | source |\n|---|---|---|---|\n"
+TABLE_HEAD = "| model | velocity, rad/s | torque, Nm | sources; maker's name |\n|---|---|---|---|\n"
 
 
 class WrongSheet(Exception):
@@ -70,6 +71,12 @@ class Sheet:
         """Where what is settled comes from, and who else agrees or is outweighed."""
         also = [f"the maker's name: {', '.join(self.aliases)}"] if self.aliases else []
         return "; ".join([self.name(source) for source in self.sources] + also)
+
+    def kinds(self):
+        """Of what kind the sources are, and the maker's name: "manual, 2 code; DM-J4310-2EC"."""
+        counts = collections.Counter(source["kind"] for source in self.sources)
+        kinds = ", ".join(kind if counts[kind] == 1 else f"{counts[kind]} {kind}" for kind in KINDS if counts[kind])
+        return "; ".join([kinds, *self.aliases])
 
     def name(self, source):
         says = [f"{number(source[name]):g} {UNITS[name]}" for name in ("velocity_range", "torque_range") if name in source]
@@ -148,7 +155,7 @@ def page_rows(sheets):
         return "write it" if value is None else f"{number(value):g}"
 
     return TABLE_HEAD + "".join(
-        f"| {sheet.model} | {cell(sheet, 'velocity_range')} | {cell(sheet, 'torque_range')} | {sheet.names()} |\n"
+        f"| {sheet.model} | {cell(sheet, 'velocity_range')} | {cell(sheet, 'torque_range')} | {sheet.kinds()} |\n"
         for sheet in sheets)
 
 
