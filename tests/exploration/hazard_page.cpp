@@ -69,11 +69,6 @@ std::string milliseconds_text(Duration time) {
   return fmt::format("{:.1f} ms", time.milliseconds());
 }
 
-const ReactionTime* time_of(Cause cause, const ReactionTimes& times) {
-  const auto found = std::ranges::find(times, cause, &ReactionTime::cause);
-  return found == times.end() ? nullptr : &*found;
-}
-
 // Scope by scope: the joints, what hangs on them, the rest of the robot.
 std::string stop_text(const Reaction& reaction) {
   const pipeline::Scope& stops = reaction.stops;
@@ -83,35 +78,25 @@ std::string stop_text(const Reaction& reaction) {
                      category(stops.robot));
 }
 
-std::string modes_text(const Reaction& reaction) {
-  std::string text;
-  for (std::size_t from = 0; from < kModeCount; ++from) {
-    const Mode mode = static_cast<Mode>(from);
-    if (reaction.from(mode) != mode)
-      text += fmt::format("{}{} → {}", text.empty() ? "" : ", ", name(mode), name(reaction.from(mode)));
-  }
-  return text;
-}
-
 void print_head() {
   fmt::print(R"(# Hazards
 
-What can go wrong with a robot under Takt, what is done about it, how fast, which test proves it, and what no software here
-can do. The words are those of STPA (N. G. Leveson and J. P. Thomas, STPA Handbook, 2018); stop categories are named as
-IEC 60204-1 names them.
+What can go wrong with a robot under Takt, how it is found, how fast Takt reacts, which test proves it, and what no
+software here can do.
+The terms are those of STPA (N. G. Leveson and J. P. Thomas, STPA Handbook, 2018) and of IEC 60204-1 (stop categories).
 
-**This page claims conformance to no standard.** Takt is not a safety-rated control system, and none of its stops is an
-emergency stop: it runs on a general-purpose computer, and its single channel fails with that computer. A robot's
-assessment has to name the devices of the last section, and this page says for each cause which ones.
+**This page claims conformance to no standard.**
+Takt is not a safety-rated control system, and none of its stops is an emergency stop.
+It runs on a general-purpose computer, and its single channel fails with that computer.
+A robot's assessment has to name the devices of the last section.
 
-Made by `build/release/bin/hazard_page >docs/hazards.md` out of `executive/hazards` and the reaction table
-(`executive/pipeline/mode_machine.hpp`). The compiler refuses a cause without a row; a test runs every proof that is named
-here, and measures every time again (`ctest -R hazards`).
+Made by `build/release/bin/hazard_page >docs/hazards.md` out of `executive/hazards` and the reaction table.
+`ctest -R hazards` runs every proof and measures every time again.
 
 ```
- person ── arm, stop, disarm ──► executive ── frames ──► drives ──► joints
- policy ── targets, gains ─────►    ▲                      │
-                                    └─ feedback, bus state ┘
+ operator ── arm, stop, disarm ──► executive ── frames ──► drives ──► joints
+ policy ──── targets, gains ─────►    ▲                      │
+                                      └─ feedback, bus state ┘
 ```
 )");
 }
@@ -119,7 +104,7 @@ here, and measures every time again (`ctest -R hazards`).
 void print_losses_and_hazards() {
   fmt::print("\n## Losses\n\n| | loss |\n|---|---|\n");
   for (std::size_t i = 0; i < kLosses.size(); ++i) fmt::print("| L{} | {} |\n", i + 1, kLosses.at(i));
-  fmt::print("\n## Hazards and constraints\n\n| | hazard | losses | constraint on the system |\n|---|---|---|---|\n");
+  fmt::print("\n## Hazards and constraints\n\n| | hazard | losses | constraint |\n|---|---|---|---|\n");
   for (std::size_t i = 0; i < kHazards.size(); ++i) {
     const HazardRow& row = kHazards.at(i);
     fmt::print("| H{} | {} | {} | {} |\n", i + 1, row.text, ids(row.losses, 'L', kLosses.size()), row.constraint);
@@ -127,11 +112,13 @@ void print_losses_and_hazards() {
 }
 
 void print_unsafe_actions() {
-  fmt::print("\n## Unsafe control actions\n");
+  fmt::print(
+      "\n## Unsafe control actions\n\nWrong time: too early, too late, out of order. "
+      "Wrong length: ended too soon, lasts too long.\n");
   for (const ActionRow& action : kActions) {
     fmt::print(
-        "\n### {}\n\nFrom {}.\n\n| | when | unsafe because | hazards | what the executive does | proof | fault that it "
-        "notices |\n",
+        "\n### {}\n\nFrom {}.\n\n| | when | unsafe because | hazards | what the executive does | proof | planted fault "
+        "that it notices |\n",
         action.name, action.from);
     fmt::print("|---|---|---|---|---|---|---|\n");
     for (const UnsafeRow& row : kUnsafe)
@@ -146,12 +133,12 @@ void print_times(const ReactionTimes& times) {
   fmt::print(R"(
 ## Reaction times
 
-Virtual time, the executive's own loop at 1 kHz, drivers and guard, one simulated drive of each protocol of
-`config/dual_arm12.yaml` with that file's limits: from the deviation to the last frame of the tick that reacts, the worst
-of so many strikes, on every joint or bus that can be struck and at five instants of a period. The bound is the reaction table's in that
-file's figures: what finding takes, one period since a tick may just have looked, one tick, and what the
-world takes to show it (an ODrive tells its state every 10 ms, the policy answers after 12 ms). The robot needs time of its own
-afterwards, to come to rest or to fall. Real computers add their lateness; how much: [performance.md](performance.md).
+Measured in virtual time with the executive's own loop at 1 kHz, drivers and guard, and simulated drives of
+`config/dual_arm12.yaml`: from the deviation to the last frame of the tick that reacts.
+The worst of the strikes counts, on every joint or bus that can be struck, at five instants of a period.
+The bound is the reaction table's in that file's figures, plus one period, one tick, and what the world takes to show it
+(an ODrive reports every 10 ms, the policy answers after 12 ms).
+Coming to rest takes further time; so does a real computer's lateness ([performance.md](performance.md)).
 
 | cause | counted from | strikes | worst | bound |
 |---|---|---|---|---|
@@ -161,29 +148,19 @@ afterwards, to come to rest or to fall. Real computers add their lateness; how m
                milliseconds_text(time.worst), time.bound ? milliseconds_text(*time.bound) : "by chance");
 }
 
-void print_cause(const Row& row, const ReactionTimes& times) {
-  const Reaction& reaction = pipeline::reaction(row.cause);
-  const ReactionTime* const time = time_of(row.cause, times);
+void print_cause(const Row& row) {
   fmt::print("\n### `{}`\n\n", name(row.cause));
-  fmt::print("- Hazards {}; unsafe control actions {}\n", ids(row.hazards), ids(row.unsafe));
-  fmt::print("- Causal scenario: {}\n- Found by: {}\n", row.scenario, row.found);
-  fmt::print("- Reaction: {}; stop category: {}\n", modes_text(reaction), stop_text(reaction));
-  if (!reaction.bound.empty()) fmt::print("- Within: {}\n", reaction.bound);
-  if (time != nullptr) fmt::print("- Measured: {} after {}, at worst\n", milliseconds_text(time->worst), time->from);
-  fmt::print("- Clears when: {}\n- Proofs: `{}`, `{}`\n", reaction.clears_when, row.proofs[0], row.proofs[1]);
-  if (!row.mutant.empty()) fmt::print("- Fault that a proof notices: {}\n", row.mutant);
-  fmt::print("- Residual risk: {}\n- Covered by: {}\n", row.residual, ids(row.devices, 'X', kDevices.size()));
+  fmt::print("- {}; answers {}; stop category {}; covered by {}\n", ids(row.hazards), ids(row.unsafe),
+             stop_text(pipeline::reaction(row.cause)), ids(row.devices, 'X', kDevices.size()));
+  fmt::print("- Scenario: {}\n- Found by: {}\n", row.scenario, row.found);
+  fmt::print("- Proofs: `{}`, `{}`\n", row.proofs[0], row.proofs[1]);
+  if (!row.mutant.empty()) fmt::print("- Planted fault: {}\n", row.mutant);
+  fmt::print("- Residual risk: {}\n", row.residual);
 }
 
 void print_devices() {
-  fmt::print("\n## Devices outside of this computer\n\n| | device | for |\n|---|---|---|\n");
-  for (std::size_t i = 0; i < kDevices.size(); ++i) {
-    std::string causes;
-    for (const Row& row : kRows)
-      if (row.devices.has(static_cast<Device>(i)))
-        causes += fmt::format("{}`{}`", causes.empty() ? "" : ", ", name(row.cause));
-    fmt::print("| X{} | {} | {} |\n", i + 1, kDevices.at(i), causes);
-  }
+  fmt::print("\n## Devices outside of this computer\n\n| | device |\n|---|---|\n");
+  for (std::size_t i = 0; i < kDevices.size(); ++i) fmt::print("| X{} | {} |\n", i + 1, kDevices.at(i));
 }
 
 int print_page() {
@@ -196,11 +173,16 @@ int print_page() {
   print_losses_and_hazards();
   print_unsafe_actions();
   print_times(*times);
-  fmt::print(
-      "\n## Causes\n\nStop categories: of the joints that the cause is about, what hangs on them, the rest of the "
-      "robot; one figure: of the\nwhole robot. 0: power off at once; 1: to rest, then power off; 2: to rest, power "
-      "stays.\n");
-  for (const Row& row : kRows) print_cause(row, *times);
+  fmt::print(R"(
+## Causes
+
+Each entry names its hazards, the unsafe control actions that it answers, and the devices that have to cover it.
+Modes, bounds and what clears a cause: [modes.md](modes.md#which-cause-leads-where).
+Stop categories: of the joints that the cause is about, what hangs on them, the rest; one figure: of the whole robot.
+0: power off at once; 1: to rest, then power off; 2: to rest, power stays.
+A planted fault is one that a proof notices ([mutants.md](mutants.md)).
+)");
+  for (const Row& row : kRows) print_cause(row);
   print_devices();
   return 0;
 }
