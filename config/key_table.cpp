@@ -13,14 +13,14 @@
 namespace takt::config {
 namespace {
 
-std::string range_symbols(Range range, Dimension dimension) {
-  const std::string low = std::isfinite(range.low)
-                              ? fmt::format("{} {}", range.low_open ? ">" : "≥", format_quantity(range.low, dimension))
-                              : "";
-  const std::string high = std::isfinite(range.high) ? fmt::format("{} {}", range.high_open ? "<" : "≤",
-                                                                   format_quantity(range.high, dimension))
-                                                     : "";
-  return low.empty() || high.empty() ? low + high : low + ", " + high;
+// In the base unit, the first that is named: "0 to 10", "> 0 to 1", "≥ 0".
+std::string range_symbols(Range range) {
+  const std::string low = std::isfinite(range.low) ? fmt::format("{}{}", range.low_open ? "> " : "", range.low) : "";
+  const std::string high =
+      std::isfinite(range.high) ? fmt::format("{}{}", range.high_open ? "< " : "", range.high) : "";
+  if (!low.empty() && !high.empty()) return fmt::format("{} to {}", low, high);
+  if (!low.empty()) return range.low_open ? low : "≥ " + low;
+  return high.empty() || range.high_open ? high : "≤ " + high;
 }
 
 std::string unit_text(Dimension dimension) {
@@ -33,17 +33,18 @@ class TableMaker final : public Fields {
   std::string result() { return fmt::format("| key | value | default | meaning |\n|---|---|---|---|\n{}", rows_); }
 
   void quantity(const Key& key, double&, Dimension dimension, Range range) override {
-    row(key, joined(unit_text(dimension), range_symbols(range, dimension)));
+    const std::string bounds = range_symbols(range);
+    row(key, dimension == Dimension::none && !bounds.empty() ? bounds : joined(unit_text(dimension), bounds));
   }
   void duration(const Key& key, Duration&, Duration low, Duration high) override {
-    row(key, joined("time", fmt::format("{} to {}", format_duration(low), format_duration(high))));
+    row(key, fmt::format("{} to {}", format_duration(low), format_duration(high)));
   }
   void whole(const Key& key, std::int64_t&, std::int64_t low, std::int64_t high) override {
-    row(key, high == std::numeric_limits<std::int64_t>::max() ? fmt::format("whole number, ≥ {}", low)
-                                                              : fmt::format("whole number, {} to {}", low, high));
+    row(key, high == std::numeric_limits<std::int64_t>::max() ? fmt::format("integer, ≥ {}", low)
+                                                              : fmt::format("integer, {} to {}", low, high));
   }
   void whole_or_none(const Key& key, std::optional<int>&, int low, int high) override {
-    row(key, fmt::format("whole number, {} to {}, or none", low, high));
+    row(key, fmt::format("integer, {} to {}, or none", low, high));
   }
   void flag(const Key& key, bool&) override { row(key, "true, false"); }
   void identifier(const Key& key, std::string&) override { row(key, "name"); }
@@ -57,13 +58,13 @@ class TableMaker final : public Fields {
                              : count.of == "axis"   ? "list of 3"
                              : count.single_allowed ? "one value or a list"
                                                     : "list";
-    row(key, joined(fmt::format("{}, {}", list, unit_text(dimension)), range_symbols(range, dimension)));
+    row(key, joined(fmt::format("{}, {}", list, unit_text(dimension)), range_symbols(range)));
   }
   void interval(const Key& key, double&, double&, Dimension dimension, Range) override {
     row(key, fmt::format("[min, max], {}", unit_text(dimension)));
   }
   void names(const Key& key, std::vector<std::string>&, Words, std::string_view what) override {
-    row(key, fmt::format("list of names of {}s", what));
+    row(key, fmt::format("names of {}s", what));
   }
   void word_or_quantities(const Key& key, std::size_t&, Words words, std::vector<double>&, Dimension dimension, Range,
                           Count) override {
@@ -79,7 +80,7 @@ class TableMaker final : public Fields {
   }
   void sequence(const Key& key, std::size_t, std::size_t most, const std::function<void(std::size_t)>& resize,
                 const ItemBody& item) override {
-    row(key, fmt::format("list of sections, at most {}", most));
+    row(key, fmt::format("up to {} sections", most));
     resize(1);
     inside(fmt::format("{}{}[].", prefix_, key.name), [&](Fields& f) { item(f, 0); });
     resize(0);

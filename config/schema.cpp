@@ -11,11 +11,11 @@ void describe(Fields& fields, RobotConfig& robot) {
   fields.one_of({"schema", "format of this file"}, schema, kSchemas, "schema");
   std::int64_t revision = kDefaultsRevision;
   fields.whole({.name = "defaults_revision",
-                .doc = "which revision of the defaults the keys have that this file leaves out",
+                .doc = "revision of the defaults of omitted keys",
                 .otherwise = "the newest",
                 .prefilled = true},
                revision, kDefaultsRevision, kDefaultsRevision);
-  fields.identifier({"robot", "name of the robot, and of its runtime directory"}, robot.robot);
+  fields.identifier({"robot", "name of the robot and of its runtime directory"}, robot.robot);
   describe_timing(fields, robot);
   describe_machine(fields, robot);
   describe_policy(fields, robot);

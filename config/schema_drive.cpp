@@ -60,19 +60,18 @@ std::vector<std::string_view> models_of(const Fields& fields, DriveProtocol prot
 
 void describe_fd_bitrate(Fields& fields, Drive& drive) {
   double rate = drive.fd_bitrate;
-  fields.quantity(
-      {"fd_bitrate",
-       "mit (damiao): rate of the data phase of its CAN FD frames: the bus's data_bitrate; the drive's register "
-       "35 must say it; 0 bit/s: classic frames",
-       "0 bit/s"},
-      rate, Dimension::bit_rate, between(0, 10e6));
+  fields.quantity({"fd_bitrate",
+                   "mit (damiao): data rate of CAN FD frames, as the bus's data_bitrate and the drive's register 35; 0 "
+                   "bit/s: classic frames",
+                   "0 bit/s"},
+                  rate, Dimension::bit_rate, between(0, 10e6));
   drive.fd_bitrate = static_cast<std::uint32_t>(std::lround(rate));
 }
 
 void describe_packed_ranges(Fields& fields, Drive& drive) {
   fields.one_of(
       {.name = "model",
-       .doc = "mit, robstride: drive model whose ranges apply, or none: then all five are required",
+       .doc = "mit, robstride: model whose ranges apply; none: all five are required",
        .otherwise = "none",
        .if_unknown = "for another model write none and the five ranges of its manual (position_range, velocity_range, "
                      "torque_range, kp_range, kd_range)"},
@@ -99,7 +98,7 @@ void describe_packed_ranges(Fields& fields, Drive& drive) {
         from.position, Dimension::angle);
   range("velocity_range", "mit, robstride: packed velocity spans +- this, motor side", drive.velocity_range,
         from.velocity, Dimension::angular_velocity);
-  range("torque_range", "largest torque ever asked of the drive, motor side; mit, robstride: what packed torque spans",
+  range("torque_range", "largest torque of the drive, motor side; mit, robstride: span of packed torque",
         drive.torque_range, from.torque, Dimension::torque);
   range("kp_range", "mit, robstride: packed stiffness spans 0 to this", drive.kp_range, from.kp, Dimension::stiffness);
   range("kd_range", "mit, robstride: packed damping spans 0 to this", drive.kd_range, from.kd, Dimension::damping);
@@ -114,15 +113,14 @@ void describe_position_after_power_up(Fields& fields, Drive& drive) {
   if (fields.shows_all()) otherwise = "the protocol's";
   fields.choice(
       {"position_after_power_up",
-       "all but moteus, what a reading is worth after power-on: absolute, the joint's angle; within_a_turn, "
-       "right but for whole turns; one_of_several, but for smaller steps; unknown, nothing. In doubt, `takt "
-       "joint home` comes before arming. mit (damiao, robstride), robstride: within_a_turn; the others: required",
+       "all but moteus, what a reading is worth after power-on: absolute, the joint's angle; within_a_turn, right but "
+       "for whole turns; one_of_several, but for smaller steps; unknown, nothing. In doubt, `takt joint home` comes "
+       "before arming. mit (damiao, robstride), robstride: within_a_turn; the others: required",
        otherwise},
       drive.position_after_power_up, kPositionsAfterPowerUp);
   if (drive.position_after_power_up == PositionAfterPowerUp::one_of_several || fields.shows_all())
     fields.integer({"places_per_turn",
-                    "one_of_several: how many places of a whole turn of the joint the drive cannot tell apart (AK80-9: "
-                    "9, 40 deg apart)"},
+                    "one_of_several: indistinguishable places in a turn of the joint (AK80-9: 9, 40 deg apart)"},
                    drive.places_per_turn, 2, 1000);
 }
 
@@ -131,9 +129,9 @@ void describe_own_units(Fields& fields, Drive& drive, const Speaks& speaks) {
     fields.quantity({"torque_range", "largest torque ever asked of the drive, motor side"}, drive.torque_range,
                     Dimension::torque, above(0, 1e6));
   if (speaks.any_of({DriveProtocol::moteus})) {
-    fields.quantity({"servo_kp", "moteus: the drive's own servo.pid_position.kp, per radian"}, drive.servo_kp,
+    fields.quantity({"servo_kp", "moteus: the drive's servo.pid_position.kp, per radian"}, drive.servo_kp,
                     Dimension::stiffness, above(0, 1e6));
-    fields.quantity({"servo_kd", "moteus: the drive's own servo.pid_position.kd, per radian"}, drive.servo_kd,
+    fields.quantity({"servo_kd", "moteus: the drive's servo.pid_position.kd, per radian"}, drive.servo_kd,
                     Dimension::damping, above(0, 1e6));
   }
   if (speaks.any_of({DriveProtocol::cia402})) {
@@ -144,8 +142,7 @@ void describe_own_units(Fields& fields, Drive& drive, const Speaks& speaks) {
                     above(0, 1e6));
     if (drive.mode == Cia402Mode::csv || fields.shows_all())
       fields.choice({"velocity_unit",
-                     "cia402, csv: what the drive takes a count of target velocity (60FF) for; compared with object "
-                     "60A9 of drives that have it"},
+                     "cia402, csv: unit of the drive's target velocity (60FF); compared with object 60A9 if present"},
                     drive.velocity_unit, kVelocityUnits);
   }
 }
@@ -153,44 +150,39 @@ void describe_own_units(Fields& fields, Drive& drive, const Speaks& speaks) {
 }  // namespace
 
 void describe_drive(Fields& fields, Drive& drive) {
-  if (!fields.choice({"protocol", "what the drive speaks"}, drive.protocol, kProtocols)) return fields.leave_the_rest();
+  if (!fields.choice({"protocol", "protocol of the drive"}, drive.protocol, kProtocols)) return fields.leave_the_rest();
   const Speaks speaks(fields, drive.protocol);
   if (speaks.any_of({DriveProtocol::mit}))
     fields.one_of(
-        {"variant",
-         "mit: tmotor replies with 6 bytes, damiao with 8; robstride, one that was switched to this protocol"},
+        {"variant", "mit: tmotor replies with 6 bytes, damiao with 8; robstride: one switched to this protocol"},
         drive.variant, kVariants, "variant");
-  fields.integer({"id", "mit: CAN id of commands; the others: the drive's number on the bus"}, drive.id,
+  fields.integer({"id", "mit: CAN id of commands; others: the drive's number on the bus"}, drive.id,
                  drive.protocol == DriveProtocol::odrive ? 0 : 1, highest_id(drive.protocol));
   if (speaks.any_of({DriveProtocol::mit}))
     fields.integer({"reply_id", "mit: CAN id of the drive's replies"}, drive.reply_id, 0,
                    highest_id(DriveProtocol::mit));
   if (drive.variant == "damiao" || fields.shows_all()) describe_fd_bitrate(fields, drive);
   if (speaks.any_of({DriveProtocol::mit, DriveProtocol::robstride, DriveProtocol::moteus}))
-    fields.integer({"every",
-                    "mit, robstride, moteus: written to every n-th tick, a stop at once; `takt config check` tells "
-                    "what it costs and saves",
-                    "1"},
-                   drive.every, 1, kMostTicksPerTurn);
+    fields.integer({"every", "mit, robstride, moteus: written to every n-th tick, a stop at once", "1"}, drive.every, 1,
+                   kMostTicksPerTurn);
   if (speaks.any_of({DriveProtocol::robstride}))
-    fields.integer({"host_id", "robstride: our own number on the bus", "253"}, drive.host_id, 128, 253);
+    fields.integer({"host_id", "robstride: this computer's number on the bus", "253"}, drive.host_id, 128, 253);
   if (speaks.any_of({DriveProtocol::mit, DriveProtocol::robstride, DriveProtocol::odrive, DriveProtocol::cia402}))
-    fields.text({"watchdog_waiver",
-                 "all but moteus: the reason why this drive may be armed though its own time-out is off or "
-                 "unknown; none: it may not",
-                 "none"},
-                drive.watchdog_waiver);
-  if (speaks.any_of({DriveProtocol::mit, DriveProtocol::robstride, DriveProtocol::moteus, DriveProtocol::cia402}))
     fields.text(
-        {"identity",
-         "mit (damiao), robstride, moteus, cia402: the number that the drive must tell, as its drive card shows "
-         "it; cia402: VENDOR:PRODUCT or VENDOR:PRODUCT:SERIAL; any: not compared",
-         "any"},
-        drive.identity);
+        {"watchdog_waiver",
+         "all but moteus: reason to arm the drive although its time-out is off or unknown; none: not armed then",
+         "none"},
+        drive.watchdog_waiver);
+  if (speaks.any_of({DriveProtocol::mit, DriveProtocol::robstride, DriveProtocol::moteus, DriveProtocol::cia402}))
+    fields.text({"identity",
+                 "mit (damiao), robstride, moteus, cia402: identity that the drive must report, as its card shows it; "
+                 "cia402: VENDOR:PRODUCT or VENDOR:PRODUCT:SERIAL; any: not compared",
+                 "any"},
+                drive.identity);
   if (speaks.any_of({DriveProtocol::mit, DriveProtocol::odrive, DriveProtocol::moteus, DriveProtocol::cia402}))
     fields.text({"firmware",
-                 "mit (damiao), odrive, moteus, cia402 (revision number): the version that the drive must tell, as its "
-                 "drive card shows it; any: not compared",
+                 "mit (damiao), odrive, moteus, cia402 (revision number): version that the drive must report, as its "
+                 "card shows it; any: not compared",
                  "any"},
                 drive.firmware);
   if (speaks.any_of({DriveProtocol::mit, DriveProtocol::robstride, DriveProtocol::odrive, DriveProtocol::cia402}))
@@ -199,7 +191,7 @@ void describe_drive(Fields& fields, Drive& drive) {
                  -1, 1);
   fields.quantity({"offset", "joint angle where the motor reads zero", "0 rad"}, drive.offset, Dimension::angle,
                   between(-100, 100));
-  fields.quantity({"gear_ratio", "motor turns per joint turn, beyond what the drive accounts for", "1"},
+  fields.quantity({"gear_ratio", "motor turns per joint turn that the drive does not account for", "1"},
                   drive.gear_ratio, Dimension::none, above(0, 1000));
   if (has_packed_ranges(drive.protocol) || fields.shows_all()) describe_packed_ranges(fields, drive);
   describe_own_units(fields, drive, speaks);

@@ -11,7 +11,7 @@ constexpr std::array<std::string_view, 2> kRecorders{"required", "optional"};
 constexpr std::array<std::string_view, 2> kTargetKinds{"lissajous", "steps"};
 
 void describe_camera(Fields& fields, Simulation& simulation, Words sensors) {
-  fields.one_of({"sensor", "name of an entry in sensors"}, simulation.camera_sensor, sensors, "sensor");
+  fields.one_of({"sensor", "an entry of sensors"}, simulation.camera_sensor, sensors, "sensor");
   fields.duration({"period", "time between two pictures"}, simulation.camera_period, milliseconds(1), seconds(10));
   fields.duration({"delay", "from shutter to sample", "0 ms"}, simulation.camera_delay, {}, seconds(10));
   fields.duration({"jitter", "delay varies by up to this", "0 ms"}, simulation.camera_jitter, {}, seconds(10));
@@ -30,8 +30,8 @@ void describe_target(Fields& fields, Simulation& simulation) {
                    between(0, 100));
   }
   if (is(TargetKind::steps)) {
-    fields.quantity({"reach", "steps: each is drawn from plus or minus this"}, simulation.step_amplitude,
-                    Dimension::length, above(0, 100));
+    fields.quantity({"reach", "steps: drawn from plus or minus this"}, simulation.step_amplitude, Dimension::length,
+                    above(0, 100));
     fields.duration({"every", "steps: time between two"}, simulation.step_period, milliseconds(10), seconds(600));
   }
 }
@@ -51,12 +51,11 @@ void describe_cart_pole(Fields& fields, CartPole& machine) {
 }
 
 void describe_mujoco(Fields& fields, MujocoWorld& world) {
-  fields.text({"model", "MJCF file; its joints are found by the robot file's names"}, world.model);
+  fields.text({"model", "MJCF file with joints of the robot's names"}, world.model);
   bool keyframe = !world.keyframe.empty();
-  fields.optional_section({"begin", "where the robot begins; absent: as the model stands, joints at home"}, keyframe,
-                          [&](Fields& f) {
-                            f.text({"keyframe", "its name in the model"}, world.keyframe);
-                          });
+  fields.optional_section({"begin", "initial state; absent: the model's, joints at home"}, keyframe, [&](Fields& f) {
+    f.text({"keyframe", "its name in the model"}, world.keyframe);
+  });
   bool imu = !world.imu_site.empty();
   fields.optional_section({"imu", "inertial measurement unit on the robot"}, imu, [&](Fields& f) {
     f.text({"site", "its name in the model"}, world.imu_site);
@@ -68,17 +67,16 @@ void describe_mujoco(Fields& fields, MujocoWorld& world) {
 void describe_physics(Fields& fields, Simulation& simulation) {
   fields.duration({"step", "integration step of the dynamics", "1 ms"}, simulation.step, microseconds(10),
                   milliseconds(10));
-  fields.section({"joint_friction", "of every driven joint", "{}"}, [&](Fields& f) {
-    f.quantity({"viscous", "grows with speed", "0 Nms/rad"}, simulation.viscous, Dimension::damping, between(0, 1e3));
-    f.quantity({"coulomb", "against any motion", "0 Nm"}, simulation.coulomb, Dimension::torque, between(0, 1e3));
+  fields.section({"joint_friction", "friction of every driven joint", "{}"}, [&](Fields& f) {
+    f.quantity({"viscous", "per speed", "0 Nms/rad"}, simulation.viscous, Dimension::damping, between(0, 1e3));
+    f.quantity({"coulomb", "against motion", "0 Nm"}, simulation.coulomb, Dimension::torque, between(0, 1e3));
   });
   fields.quantity({"encoder_step", "resolution of the simulated encoders; 0 rad: exact", "0 rad"},
                   simulation.encoder_step, Dimension::angle, between(0, 1));
   fields.duration({"torque_delay", "from command to torque", "0 ms"}, simulation.torque_delay, {}, seconds(1));
-  fields.duration({"drive_watchdog", "a simulated drive without a command for this long disables itself", "100 ms"},
+  fields.duration({"drive_watchdog", "a simulated drive disables itself after this long without a command", "100 ms"},
                   simulation.drive_watchdog, milliseconds(1), seconds(10));
-  fields.integer({"seed", "of every random choice in the simulation", "1"}, simulation.seed, 0,
-                 std::numeric_limits<std::int64_t>::max());
+  fields.integer({"seed", "seed of the simulation", "1"}, simulation.seed, 0, std::numeric_limits<std::int64_t>::max());
 }
 
 namespace {
@@ -88,19 +86,18 @@ void describe_simulation(Fields& fields, Simulation& simulation, const RobotConf
   for (const Sensor& sensor : robot.sensors) sensors.emplace_back(sensor.name);
   describe_physics(fields, simulation);
   bool cart_pole = simulation.cart_pole.has_value();
-  fields.optional_section({"cart_pole", "instead of `model`: a pole balanced on a cart (docs/cart-pole.md)"}, cart_pole,
+  fields.optional_section({"cart_pole", "instead of `model`: a pole on a cart (docs/cart-pole.md)"}, cart_pole,
                           [&](Fields& f) {
                             if (!simulation.cart_pole) simulation.cart_pole.emplace();
                             describe_cart_pole(f, *simulation.cart_pole);
                           });
   bool mujoco = simulation.mujoco.has_value();
-  fields.optional_section({"mujoco", "instead of `model`'s dynamics: physics by MuJoCo (docs/mujoco.md)"}, mujoco,
-                          [&](Fields& f) {
-                            if (!simulation.mujoco) simulation.mujoco.emplace();
-                            describe_mujoco(f, *simulation.mujoco);
-                          });
+  fields.optional_section({"mujoco", "instead of `model`: MuJoCo (docs/mujoco.md)"}, mujoco, [&](Fields& f) {
+    if (!simulation.mujoco) simulation.mujoco.emplace();
+    describe_mujoco(f, *simulation.mujoco);
+  });
   bool camera = !simulation.camera_sensor.empty();
-  fields.optional_section({"camera", "simulated camera that sees the target"}, camera,
+  fields.optional_section({"camera", "simulated camera of the target"}, camera,
                           [&](Fields& f) { describe_camera(f, simulation, sensors); });
   if (camera || fields.shows_all())
     fields.section({"target", "what the camera sees"}, [&](Fields& f) { describe_target(f, simulation); });
@@ -109,90 +106,84 @@ void describe_simulation(Fields& fields, Simulation& simulation, const RobotConf
 constexpr std::size_t kMostDdsPeers = 32;
 
 void describe_images(Fields& fields, ImageRecord& images) {
-  fields.quantity({"budget_mib", "MiB of one run that they may fill; 0: no files", "4096"}, images.budget_mib,
-                  Dimension::none, between(0, 1 << 30));
-  fields.quantity({"rate_mib_per_s", "MiB per second that they may fill in the mean", "32"}, images.rate_mib_per_s,
-                  Dimension::none, above(0, 1 << 20));
+  fields.quantity({"budget_mib", "MiB per run; 0: no files", "4096"}, images.budget_mib, Dimension::none,
+                  between(0, 1 << 30));
+  fields.quantity({"rate_mib_per_s", "mean MiB per second", "32"}, images.rate_mib_per_s, Dimension::none,
+                  above(0, 1 << 20));
 }
 
 void describe_keep(Fields& fields, RunKeep& keep) {
-  fields.whole_or_none({"days", "deletes older runs, but none with an incident or a mark", "none"}, keep.days, 1,
-                       36'500);
-  fields.whole_or_none(
-      {"gib", "deletes the oldest runs beyond this many GiB, but none with an incident or a mark", "none"}, keep.gib, 1,
-      1'000'000);
+  fields.whole_or_none({"days", "deletes older runs, but none with an incident or mark", "none"}, keep.days, 1, 36'500);
+  fields.whole_or_none({"gib", "deletes the oldest runs beyond, but none with an incident or mark", "none"}, keep.gib,
+                       1, 1'000'000);
 }
 
 void describe_dds(Fields& fields, Dds& dds) {
-  fields.integer({"domain", "DDS domain, ROS_DOMAIN_ID of those who listen", "0"}, dds.domain, 0, 232);
-  fields.text({"interface", "the one network interface used; lo: this machine alone", "lo"}, dds.interface);
-  fields.flag(
-      {"multicast", "false: only the peers are told of us, and this machine where the interface is lo", "false"},
-      dds.multicast);
-  fields.each({"peers", "hosts that are told of us", "[]"}, dds.peers, kMostDdsPeers, [](Fields& f, DdsPeer& peer) {
+  fields.integer({"domain", "DDS domain, ROS_DOMAIN_ID", "0"}, dds.domain, 0, 232);
+  fields.text({"interface", "network interface; lo: this machine alone", "lo"}, dds.interface);
+  fields.flag({"multicast", "false: announced to the peers only, and on lo to this machine", "false"}, dds.multicast);
+  fields.each({"peers", "hosts to announce to", "[]"}, dds.peers, kMostDdsPeers, [](Fields& f, DdsPeer& peer) {
     f.text({"address", "name or address of the host"}, peer.address);
   });
   fields.quantity({"joint_state_rate", "of joint_states", "100 Hz"}, dds.joint_state_rate, Dimension::frequency,
                   between(0.1, 1000));
-  fields.flag({"allow_requests", "true: every participant of the domain may arm and stop the robot", "false"},
+  fields.flag({"allow_requests", "true: every participant of the domain may arm and stop", "false"},
               dds.allow_requests);
   std::string security = dds.security.empty() ? "none" : dds.security;
-  fields.text({"security",
-               "folder of the machine's certificate and permissions; only participants with such are heard "
-               "(docs/ros2.md); none: all are",
-               "none"},
-              security);
+  fields.text(
+      {"security",
+       "folder of the machine's certificate and permissions (docs/ros2.md); none: every participant is heard", "none"},
+      security);
   dds.security = security == "none" ? "" : security;
 }
 
 void describe_prometheus(Fields& fields, Prometheus& prometheus) {
-  fields.text({"address", "of the machine's own that is listened on; 127.0.0.1: this machine alone", "127.0.0.1"},
-              prometheus.address);
+  fields.text({"address", "address to listen on; 127.0.0.1: this machine alone", "127.0.0.1"}, prometheus.address);
   fields.integer({"port", "of GET /metrics", "9464"}, prometheus.port, 1, 65'535);
 }
 
 void describe_otlp(Fields& fields, Otlp& otlp) {
   std::string endpoint = otlp.endpoint.empty() ? "none" : otlp.endpoint;
   fields.flag({"file", "true: otlp_traces.jsonl and otlp_metrics.jsonl in the run folder", "true"}, otlp.file);
-  fields.text({"endpoint", "OTLP/HTTP receiver, http://host:port or https://host:port; none: nothing is sent", "none"},
-              endpoint);
-  fields.duration({"metrics_period", "time between two exports of the metrics", "10 s"}, otlp.metrics_period,
-                  milliseconds(100), seconds(3600));
+  fields.text({"endpoint", "OTLP/HTTP receiver, http://host:port or https://host:port", "none"}, endpoint);
+  fields.duration({"metrics_period", "time between exports of metrics", "10 s"}, otlp.metrics_period, milliseconds(100),
+                  seconds(3600));
   otlp.endpoint = endpoint == "none" ? "" : endpoint;
 }
 
 }  // namespace
 
 void describe_evidence(Fields& fields, RobotConfig& robot) {
-  fields.section({"record", "what a run leaves behind", "{}"}, [&](Fields& f) {
-    f.text({"directory", "run folders are made in it; a relative path starts at the working directory", "runs"},
-           robot.record.directory);
-    f.choice({"recorder", "required: without one that writes arming is refused, and a moving robot stops", "required"},
-             robot.record.recorder, kRecorders);
-    f.duration({"keyframe_period", "time between two stored states that replay can start from", "1 s"},
+  fields.section({"record", "recording", "{}"}, [&](Fields& f) {
+    f.text({"directory", "folder of run folders; relative to the working directory", "runs"}, robot.record.directory);
+    f.choice(
+        {"recorder", "required: without a writing recorder, arming is refused and a moving robot stops", "required"},
+        robot.record.recorder, kRecorders);
+    f.duration({"keyframe_period", "time between states that replay can start from", "1 s"},
                robot.record.keyframe_period, milliseconds(10), seconds(600));
-    f.flag({"policy_inputs", "true: what policies are shown and networks say is kept (docs/policies.md)", "true"},
+    f.flag({"policy_inputs", "true: inputs and outputs of policies are kept (docs/policies.md)", "true"},
            robot.record.policy_inputs);
-    f.section({"keep", "which runs stay: all, unless a limit is given (docs/run-folder.md)", "{}"},
+    f.section({"keep", "which runs stay; all without a limit (docs/run-folder.md)", "{}"},
               [&](Fields& keep) { describe_keep(keep, robot.record.keep); });
-    f.section({"images", "files of the images that policies are shown; all are named by their hash", "{}"},
+    f.section({"images", "files of the images that policies are shown", "{}"},
               [&](Fields& images) { describe_images(images, robot.record.images); });
   });
   bool exports = robot.dds.has_value();
-  fields.optional_section({"dds", "the monitor talks to ROS 2 (docs/ros2.md)"}, exports, [&](Fields& f) {
+  fields.optional_section({"dds", "ROS 2 topics by the monitor (docs/ros2.md)"}, exports, [&](Fields& f) {
     if (!robot.dds) robot.dds.emplace();
     describe_dds(f, *robot.dds);
   });
   bool serves = robot.prometheus.has_value();
-  fields.optional_section({"prometheus", "the monitor answers Prometheus (docs/metrics.md)"}, serves, [&](Fields& f) {
+  fields.optional_section({"prometheus", "metrics for Prometheus (docs/metrics.md)"}, serves, [&](Fields& f) {
     if (!robot.prometheus) robot.prometheus.emplace();
     describe_prometheus(f, *robot.prometheus);
   });
   bool traces = robot.otlp.has_value();
-  fields.optional_section({"otlp", "the monitor tells OpenTelemetry (docs/opentelemetry.md)"}, traces, [&](Fields& f) {
-    if (!robot.otlp) robot.otlp.emplace();
-    describe_otlp(f, *robot.otlp);
-  });
+  fields.optional_section({"otlp", "traces and metrics for OpenTelemetry (docs/opentelemetry.md)"}, traces,
+                          [&](Fields& f) {
+                            if (!robot.otlp) robot.otlp.emplace();
+                            describe_otlp(f, *robot.otlp);
+                          });
   bool present = robot.simulation.has_value();
   fields.optional_section({"simulation", "how takt-plant behaves"}, present, [&](Fields& f) {
     if (!robot.simulation) robot.simulation.emplace();

@@ -18,16 +18,16 @@ constexpr std::array<std::string_view, 2> kOnJointFault{"keep", "drop"};
 }  // namespace
 
 void describe_bus(Fields& fields, Bus& bus) {
-  fields.identifier({"name", "how joints refer to this bus"}, bus.name);
+  fields.identifier({"name", "name for joints to refer to"}, bus.name);
   fields.identifier({"interface", "CAN network interface"}, bus.interface);
   double bitrate = bus.bitrate;
   fields.quantity({"bitrate", "nominal bit rate", "1 Mbit/s"}, bitrate, Dimension::bit_rate, between(10e3, 1e6));
   bus.bitrate = static_cast<std::uint32_t>(std::lround(bitrate));
   constexpr std::string_view kKernelChooses = "0";
-  fields.quantity({"sample_point", "share of a bit after which it is read; 0: the kernel's choice", kKernelChooses},
+  fields.quantity({"sample_point", "sample point, as a share of a bit; 0: the kernel's choice", kKernelChooses},
                   bus.sample_point, Dimension::none, between(0, 0.999));
-  fields.integer({"sjw", "time quanta by which the controller may shift a bit; 0: the kernel's choice", kKernelChooses},
-                 bus.sjw, 0, 128);
+  fields.integer({"sjw", "synchronisation jump width, time quanta; 0: the kernel's choice", kKernelChooses}, bus.sjw, 0,
+                 128);
   fields.flag({"fd", "frames may be CAN FD", "false"}, bus.fd);
   if (bus.fd || fields.shows_all()) {
     double data_bitrate = bus.data_bitrate;
@@ -38,7 +38,7 @@ void describe_bus(Fields& fields, Bus& bus) {
                     Dimension::none, between(0, 0.999));
     fields.integer({"data_sjw", "fd: sjw of the data phase", kKernelChooses}, bus.data_sjw, 0, 128);
   }
-  fields.choice({"when_missing", "interface absent: refuse to start, or use the built-in loopback bus", "refuse"},
+  fields.choice({"when_missing", "for an absent interface: refuse to start, or use the loopback bus", "refuse"},
                 bus.when_missing, kWhenMissing);
 }
 
@@ -48,12 +48,10 @@ void describe_temperature(Fields& fields, TemperatureLimits& limits) {
   const auto one = [&fields](std::string_view key, std::string_view doc, double& value) {
     fields.quantity({key, doc, "0 degC"}, value, Dimension::temperature, between(0, 250));
   };
-  one("warning", "hottest part the drive tells: beyond it everybody is told, and degraded.by_temperature; 0 degC: none",
-      limits.warning);
-  one("stop", "hottest part the drive tells: beyond it the robot stops; 0 degC: none", limits.stop);
-  one("casing_warning", "mit (damiao), odrive, moteus: as warning, of the casing or output stage alone",
-      limits.casing_warning);
-  one("casing_stop", "mit (damiao), odrive, moteus: as stop, of the casing or output stage alone", limits.casing_stop);
+  one("warning", "above: a warning, and degraded.by_temperature; hottest part; 0 degC: off", limits.warning);
+  one("stop", "above: the robot stops; hottest part; 0 degC: off", limits.stop);
+  one("casing_warning", "mit (damiao), odrive, moteus: warning of casing or output stage", limits.casing_warning);
+  one("casing_stop", "mit (damiao), odrive, moteus: stop of casing or output stage", limits.casing_stop);
 }
 
 // A passive joint has the limits of what is measured only.
@@ -61,79 +59,73 @@ void describe_limits(Fields& fields, Limits& limits, bool passive) {
   const bool commanded = !passive || fields.shows_all();
   fields.interval({"position", "lowest and highest joint angle"}, limits.q_min, limits.q_max, Dimension::angle,
                   between(-1000, 1000));
-  fields.quantity({"position_margin", "measured angle further outside leads to a damped stop; no drive loses power"},
+  fields.quantity({"position_margin", "a measured angle further outside causes a damped stop; drives keep power"},
                   limits.position_margin, Dimension::angle, between(0, 10));
-  fields.quantity({"velocity", "reference velocity never exceeds it; moving faster blocks arming"}, limits.velocity,
+  fields.quantity({"velocity", "largest reference velocity; faster motion blocks arming"}, limits.velocity,
                   Dimension::angular_velocity, above(0, 1000));
-  fields.quantity({"velocity_hard", "measured velocity above it leads to a damped stop; no drive loses power"},
+  fields.quantity({"velocity_hard", "a higher measured velocity causes a damped stop; drives keep power"},
                   limits.velocity_hard, Dimension::angular_velocity, above(0, 1000));
   bool looks_at_temperature = limits.temperature.has_value();
-  fields.optional_section({"temperature", "of the drive, which has to tell it, or it is not armed"},
+  fields.optional_section({"temperature", "limits of the drive's temperature; a drive that reports none is not armed"},
                           looks_at_temperature, [&](Fields& f) {
                             if (!limits.temperature) limits.temperature.emplace();
                             describe_temperature(f, *limits.temperature);
                           });
   if (!commanded) return;
-  fields.quantity({"target_margin",
-                   "a policy's target further outside the position limits counts as out of range; any "
-                   "is clamped to them",
-                   "0.1 rad"},
-                  limits.target_margin, Dimension::angle, between(0, 1000));
-  fields.quantity({"acceleration", "of the reference, also its braking deceleration"}, limits.acceleration,
-                  Dimension::angular_acceleration, above(0, 1e5));
+  fields.quantity(
+      {"target_margin", "a target further outside the position limits counts as out of range; every one is clamped",
+       "0.1 rad"},
+      limits.target_margin, Dimension::angle, between(0, 1000));
+  fields.quantity({"acceleration", "largest acceleration and braking deceleration of the reference"},
+                  limits.acceleration, Dimension::angular_acceleration, above(0, 1e5));
   fields.quantity({"following_error",
-                   "a joint further from its reference than this for feedback.following_timeout is behind "
-                   "(feedback.following); 0 rad: where its stiffness asks for 90 % of limits.torque",
+                   "a joint further from its reference for feedback.following_timeout is behind; 0 rad: where its "
+                   "stiffness asks for 90 % of limits.torque",
                    "0 rad"},
                   limits.following_error, Dimension::angle, between(0, 1000));
-  fields.quantity({"torque", "commanded torque never exceeds it"}, limits.torque, Dimension::torque, above(0, 1e5));
-  fields.quantity({"torque_rate", "commanded torque never changes faster"}, limits.torque_rate, Dimension::torque_rate,
+  fields.quantity({"torque", "largest commanded torque"}, limits.torque, Dimension::torque, above(0, 1e5));
+  fields.quantity({"torque_rate", "largest rate of commanded torque"}, limits.torque_rate, Dimension::torque_rate,
                   above(0, 1e8));
-  fields.quantity({"kp", "highest stiffness a policy may ask for"}, limits.kp, Dimension::stiffness, between(0, 1e5));
-  fields.quantity({"kd", "highest damping a policy may ask for"}, limits.kd, Dimension::damping, between(0, 1e4));
+  fields.quantity({"kp", "highest stiffness of a policy"}, limits.kp, Dimension::stiffness, between(0, 1e5));
+  fields.quantity({"kd", "highest damping of a policy"}, limits.kd, Dimension::damping, between(0, 1e4));
 }
 
 void describe_stiffness(Fields& fields, Joint& joint) {
-  fields.section({"gains", "impedance when the policy sends none"}, [&](Fields& f) {
+  fields.section({"gains", "gains when the policy sends none"}, [&](Fields& f) {
     f.quantity({"kp", "stiffness"}, joint.kp, Dimension::stiffness, between(0, 1e5));
     f.quantity({"kd", "damping"}, joint.kd, Dimension::damping, between(0, 1e4));
-    f.quantity({"damping", "damping in a damped stop and in a fault"}, joint.damping, Dimension::damping,
-               above(0, 1e4));
+    f.quantity({"damping", "damping in a stop or fault"}, joint.damping, Dimension::damping, above(0, 1e4));
   });
-  fields.quantity({"inertia", "effective inertia at the joint, lower bound; the torque barriers use it"}, joint.inertia,
+  fields.quantity({"inertia", "lower bound of the effective inertia; the torque barriers use it"}, joint.inertia,
                   Dimension::inertia, above(0, 1e4));
   fields.quantity(
-      {"inertia_max",
-       "its upper bound, load included: what a brake must be able to stop (docs/design.md); 0: as inertia", "0 kgm2"},
+      {"inertia_max", "its upper bound, load included, for braking (docs/design.md); 0: as inertia", "0 kgm2"},
       joint.inertia_max, Dimension::inertia, between(0, 1e4));
 }
 
 void describe_joint(Fields& fields, Joint& joint, Words buses) {
   fields.identifier({"name", "unique name of the joint"}, joint.name);
   fields.reference({"bus", "name of the bus its drive is on"}, joint.bus, buses, "bus");
-  fields.flag(
-      {"passive", "true: an encoder that is read like a drive; such a joint has no gains and gets no torque", "false"},
-      joint.passive);
+  fields.flag({"passive", "true: an encoder without gains and torque", "false"}, joint.passive);
   const bool commanded = !joint.passive || fields.shows_all();
   fields.section({"drive", "the drive behind the joint"}, [&](Fields& f) { describe_drive(f, joint.drive); });
-  fields.section({"limits", "the envelope no command leaves"},
+  fields.section({"limits", "limits of the joint"},
                  [&](Fields& f) { describe_limits(f, joint.limits, joint.passive); });
   if (commanded) describe_stiffness(fields, joint);
-  fields.quantity({"observer_bandwidth", "of the velocity observer", "200 rad/s"}, joint.observer_bandwidth,
+  fields.quantity({"observer_bandwidth", "bandwidth of the velocity observer", "200 rad/s"}, joint.observer_bandwidth,
                   Dimension::angular_velocity, above(0, 1e4));
-  fields.quantity({"home", "zero of relative joint positions", "0 rad"}, joint.home, Dimension::angle,
-                  between(-1000, 1000));
+  fields.quantity({"home", "zero of relative positions", "0 rad"}, joint.home, Dimension::angle, between(-1000, 1000));
 }
 
 // For the key table and the schema; a reader finds the joints filled already (config/joint_defaults.hpp).
 void describe_joint_defaults(Fields& fields) {
   fields.sequence(
-      {kJointDefaults, "what several joints share; a joint's own key wins, then the last block that has it", "[]"}, 0,
-      kMaxJoints, [](std::size_t) {},
+      {kJointDefaults, "shared keys; a joint's own wins, then the last block's", "[]"}, 0, kMaxJoints,
+      [](std::size_t) {},
       [](Fields& f, std::size_t) {
         std::vector<std::string> patterns;
-        f.names({"joints", "for whom, as a list of patterns: * any letters, ? one; and any key of joints[] but name"},
-                patterns, {}, "joint");
+        f.names({"joints", "patterns of names: * any letters, ? one; beside it any key of joints[] but name"}, patterns,
+                {}, "joint");
       });
 }
 
@@ -144,14 +136,14 @@ void describe_link(Fields& fields, Link& link, Words joints, Words earlier) {
   link.parent = -1;
   for (std::size_t i = 1; i < earlier.size(); ++i)
     if (earlier[i] == parent) link.parent = static_cast<int>(i) - 1;
-  fields.section({"origin", "joint frame in the parent's frame at zero angle"}, [&](Fields& f) {
+  fields.section({"origin", "joint frame in the parent's at zero angle"}, [&](Fields& f) {
     f.vector3({"xyz", "position"}, link.origin_xyz, Dimension::length);
     f.vector3({"rpy", "fixed-axis roll, pitch, yaw", "[0 rad, 0 rad, 0 rad]"}, link.origin_rpy, Dimension::angle);
   });
-  fields.vector3({"axis", "joint axis in the joint frame; made a unit vector"}, link.axis, Dimension::none);
+  fields.vector3({"axis", "joint axis in the joint frame"}, link.axis, Dimension::none);
   fields.quantity({"mass", "of the link"}, link.mass, Dimension::mass, between(0, 1e4));
   fields.vector3({"com", "centre of mass in the link frame"}, link.com, Dimension::length);
-  fields.vector3({"inertia", "principal moments about the centre of mass, along the link frame's axes"}, link.inertia,
+  fields.vector3({"inertia", "principal moments about the centre of mass, along the link's axes"}, link.inertia,
                  Dimension::inertia, at_least(0));
 }
 
@@ -175,8 +167,8 @@ void describe_model(Fields& fields, Model& model, Words joints) {
 }
 
 void describe_safe_torque_off(Fields& fields, SafeTorqueOff& output) {
-  fields.choice({"output", "what permits torque: a GPIO line, or, for simulated robots, the lock on a file", "gpio"},
-                output.output, kTorqueOutputs);
+  fields.choice({"output", "a GPIO line, or, for simulated robots, the lock on a file", "gpio"}, output.output,
+                kTorqueOutputs);
   const auto is = [&](TorqueOutputKind one) { return output.output == one || fields.shows_all(); };
   if (is(TorqueOutputKind::gpio)) {
     fields.text({"chip", "gpio: the chip's device", "/dev/gpiochip0"}, output.chip);
@@ -184,8 +176,7 @@ void describe_safe_torque_off(Fields& fields, SafeTorqueOff& output) {
     fields.choice({"active", "gpio: level at which torque is permitted", "high"}, output.active, kLevels);
   }
   if (is(TorqueOutputKind::file)) fields.text({"file", "file: its path"}, output.file);
-  fields.choice({"on_joint_fault",
-                 "a fault that takes a joint's power takes the whole robot's torque by this output too, or keeps it"},
+  fields.choice({"on_joint_fault", "whether a joint's fault drops the whole robot's torque by this output"},
                 output.on_joint_fault, kOnJointFault);
 }
 
@@ -196,15 +187,15 @@ void describe_machine(Fields& fields, RobotConfig& robot) {
   std::vector<std::string_view> buses;
   for (const Bus& bus : robot.buses) buses.emplace_back(bus.name);
   if (fields.shows_all()) describe_joint_defaults(fields);
-  fields.each({"joints", "joints, in the order every vector of joints uses"}, robot.joints, kMaxJoints,
+  fields.each({"joints", "joints, in the order of every vector"}, robot.joints, kMaxJoints,
               [&](Fields& f, Joint& joint) { describe_joint(f, joint, buses); });
   bool present = robot.model.has_value();
-  fields.optional_section({"model", "rigid bodies: gravity compensation and simulation"}, present, [&](Fields& f) {
+  fields.optional_section({"model", "rigid bodies, for gravity compensation and simulation"}, present, [&](Fields& f) {
     if (!robot.model) robot.model.emplace();
     describe_model(f, *robot.model, joint_names(robot));
   });
   bool is_safe = robot.safe_torque_off.has_value();
-  fields.optional_section({"safety", "outputs for the robot's own safety devices"}, is_safe, [&](Fields& f) {
+  fields.optional_section({"safety", "outputs for safety devices"}, is_safe, [&](Fields& f) {
     if (!robot.safe_torque_off) robot.safe_torque_off.emplace();
     f.section({"safe_torque_off", "the output that permits torque"},
               [&](Fields& g) { describe_safe_torque_off(g, *robot.safe_torque_off); });

@@ -46,7 +46,7 @@ void describe_command(Fields& fields, Sensor& sensor) {
   const Count one_each{.low = 1, .high = kMaxSensorValues};
   fields.quantities({"minimum", "of each value"}, limits.minimum, Dimension::none, any_value(), one_each);
   fields.quantities({"maximum", "of each value"}, limits.maximum, Dimension::none, any_value(), one_each);
-  fields.quantities({"when_absent", "each value while no usable sample is there"}, limits.when_absent, Dimension::none,
+  fields.quantities({"when_absent", "each value without a usable sample"}, limits.when_absent, Dimension::none,
                     any_value(), one_each);
 }
 
@@ -56,7 +56,7 @@ void describe_ros(Fields& fields, Sensor& sensor) {
   fields.text({"topic", "as ros2 topic list shows it"}, ros.topic);
   fields.choice({"type", "of its messages"}, ros.type, kRosTypes);
   if (ros.type == RosType::image || fields.shows_all())
-    fields.choice({"encoding", "Image: of its pixels; another one is refused"}, ros.encoding, kRosEncodings);
+    fields.choice({"encoding", "Image: encoding; another is refused"}, ros.encoding, kRosEncodings);
   if (ros.type != RosType::joint_state && !fields.shows_all()) return;
   fields.each({"joints", "JointState: a value each", "[]"}, ros.joints, kMaxSensorValues,
               [](Fields& f, RosJoint& joint) {
@@ -66,52 +66,41 @@ void describe_ros(Fields& fields, Sensor& sensor) {
 }
 
 void describe_sensor(Fields& fields, Sensor& sensor) {
-  fields.identifier({"name", "its socket is sensor-NAME.sock in the runtime directory"}, sensor.name);
+  fields.identifier({"name", "name; its socket is sensor-NAME.sock in the runtime directory"}, sensor.name);
   bool is_image = sensor.image.has_value();
-  fields.optional_section({"image", "samples are images of 8 bits, row after row, channels of a pixel together"},
-                          is_image, [&](Fields& f) { describe_image(f, sensor); });
+  fields.optional_section({"image", "samples are images of 8 bits, row by row, interleaved channels"}, is_image,
+                          [&](Fields& f) { describe_image(f, sensor); });
   if (!is_image || fields.shows_all())
-    fields.integer({"values", "numbers per sample; none for an image"}, sensor.values, 1, kMaxSensorValues);
-  fields.duration({"timeout", "a sample older than this is not used"}, sensor.timeout, milliseconds(1), seconds(60));
-  fields.text({"unit", "of its values; a publisher of another unit is refused", "unstated"}, sensor.unit);
-  fields.text(
-      {"frame",
-       "what its values are expressed in: base, world, a body's name; where a policy's exporter says one, it must be "
-       "that",
-       "unstated"},
-      sensor.frame);
+    fields.integer({"values", "numbers per sample; omitted for an image"}, sensor.values, 1, kMaxSensorValues);
+  fields.duration({"timeout", "older samples are not used"}, sensor.timeout, milliseconds(1), seconds(60));
+  fields.text({"unit", "unit of its values; another is refused", "unstated"}, sensor.unit);
+  fields.text({"frame", "frame of its values: base, world, a body's name; must be the one of the policy's exporter",
+               "unstated"},
+              sensor.frame);
   if (!is_image || fields.shows_all())
-    fields.integer(
-        {"queue", "most samples since the last observation that a policy in Python or C is given; 0: the newest only",
-         "0"},
-        sensor.queue, 0, kMaxSensorQueue);
+    fields.integer({"queue", "most samples per observation for a policy in Python or C; 0: the newest only", "0"},
+                   sensor.queue, 0, kMaxSensorQueue);
   bool is_command = sensor.command.has_value();
-  fields.optional_section({"command", "operator input: limits, and what holds while there is none"}, is_command,
+  fields.optional_section({"command", "operator input: limits, and the value without any"}, is_command,
                           [&](Fields& f) { describe_command(f, sensor); });
   bool is_from_ros = sensor.ros.has_value();
-  fields.optional_section({"ros", "takt-ros-sensors serves it from a topic of ROS 2, in the domain of `dds`"},
-                          is_from_ros, [&](Fields& f) { describe_ros(f, sensor); });
+  fields.optional_section({"ros", "a topic of ROS 2, by takt-ros-sensors, in the domain of `dds`"}, is_from_ros,
+                          [&](Fields& f) { describe_ros(f, sensor); });
 }
 
 void describe_imu(Fields& fields, Imu& imu, Words sensors) {
-  fields.one_of(
-      {"sensor",
-       "entry of sensors with ten values: rotation w x y z (base in world); angular velocity x y z (rad/s, base "
-       "frame); specific force x y z (m/s^2, base frame)"},
-      imu.sensor, sensors, "sensor");
-  fields.quantity({"tilt", "angle from upright beyond which the robot stops"}, imu.tilt, Dimension::angle,
-                  above(0, 3.2));
-  fields.quantity({"angular_velocity", "of the base; beyond it the robot stops", "100 rad/s"}, imu.angular_velocity,
+  fields.one_of({"sensor",
+                 "sensor of ten values: rotation w x y z (base in world); angular velocity x y z (rad/s, base frame); "
+                 "specific force x y z (m/s^2, base frame)"},
+                imu.sensor, sensors, "sensor");
+  fields.quantity({"tilt", "a larger angle from upright stops the robot"}, imu.tilt, Dimension::angle, above(0, 3.2));
+  fields.quantity({"angular_velocity", "a higher rate of the base stops the robot", "100 rad/s"}, imu.angular_velocity,
                   Dimension::angular_velocity, above(0, 1000));
-  fields.duration(
-      {"frozen_after",
-       "the same ten values for longer, under fresh stamps, are an IMU that is lost; 0 ms: not looked for", "0 ms"},
-      imu.frozen_after, {}, seconds(60));
+  fields.duration({"frozen_after", "the same ten values for longer: the IMU is lost; 0 ms: off", "0 ms"},
+                  imu.frozen_after, {}, seconds(60));
   fields.quantity(
       {"contradiction",
-       "angle by which rotation and angular velocity may differ within about 0.5 s; beyond it the IMU is lost; "
-       "0 rad: not looked for",
-       "0 rad"},
+       "a larger difference of rotation and angular velocity within about 0.5 s: the IMU is lost; 0 rad: off", "0 rad"},
       imu.contradiction, Dimension::angle, between(0, 3.2));
 }
 
@@ -120,159 +109,138 @@ void describe_scaling(Fields& fields, ObservationTerm& term) {
   const Count one_or_each{.low = 1, .high = kMaxSensorValues, .single_allowed = true};
   fields.quantities({"clip", "lowest and highest value, before the scale; empty: none", "[]"}, term.clip,
                     Dimension::none, any_value(), {.low = 0, .high = 2});
-  fields.quantities(
-      {"scale", "factor, one for all values or one each (of images: one per channel; so are mean and std)", "1"},
-      term.scale, Dimension::none, any_value(), one_or_each);
-  fields.quantities({"mean", "subtracted after the scale, one for all values or one each", "0"}, term.mean,
-                    Dimension::none, any_value(), one_or_each);
-  fields.quantities({"std", "standard deviation that divides what is left, one for all values or one each", "1"},
-                    term.standard_deviation, Dimension::none, above(0, 1e9), one_or_each);
-  fields.integer({"history", "how many instants, in history_order", "1"}, term.history, 1, 64);
+  fields.quantities({"scale", "factor; of images one per channel, as mean and std", "1"}, term.scale, Dimension::none,
+                    any_value(), one_or_each);
+  fields.quantities({"mean", "subtracted after the scale", "0"}, term.mean, Dimension::none, any_value(), one_or_each);
+  fields.quantities({"std", "divides the rest", "1"}, term.standard_deviation, Dimension::none, above(0, 1e9),
+                    one_or_each);
+  fields.integer({"history", "instants, in history_order", "1"}, term.history, 1, 64);
 }
 
 void describe_term(Fields& fields, ObservationTerm& term, Words sensors, Words joints) {
   fields.choice({"term", "what is observed"}, term.kind, kTermNames);
   if (term.kind == TermKind::sensor || term.kind == TermKind::command || fields.shows_all())
-    fields.one_of({"sensor", "terms sensor and command: name of an entry in sensors"}, term.sensor, sensors, "sensor");
+    fields.one_of({"sensor", "terms sensor and command: an entry of sensors"}, term.sensor, sensors, "sensor");
   if (term.kind == TermKind::sensor || fields.shows_all())
     fields.choice(
-        {"layout",
-         "term sensor, of images: chw: channel after channel; hwc: the channels of a pixel together. A byte is "
-         "a value from 0 to 1",
+        {"layout", "term sensor, of images: chw: channel by channel; hwc: interleaved. A byte is a value from 0 to 1",
          "chw"},
         term.layout, kImageLayouts);
   if (term.kind == TermKind::gait_phase || fields.shows_all())
-    fields.duration({"gait_period", "term gait_phase: one gait cycle; counted from the policy's last reset"},
-                    term.gait_period, milliseconds(1), seconds(60));
+    fields.duration({"gait_period", "term gait_phase: a gait cycle, from the policy's last reset"}, term.gait_period,
+                    milliseconds(1), seconds(60));
   if (term.kind == TermKind::constant || fields.shows_all())
-    fields.quantities({"values", "term constant: the numbers themselves"}, term.constant, Dimension::none, any_value(),
+    fields.quantities({"values", "term constant: the numbers"}, term.constant, Dimension::none, any_value(),
                       {.low = 1, .high = kMaxSensorValues});
   if (is_of_joints(term.kind) || fields.shows_all())
-    fields.references({"joints", "terms of joints: the joint of each value; empty: as joint_order", "[]"}, term.joints,
-                      joints, "joint");
+    fields.references({"joints", "terms of joints: their joints; empty: as joint_order", "[]"}, term.joints, joints,
+                      "joint");
   if (term.kind == TermKind::base_orientation || fields.shows_all())
     fields.choice({"order", "term base_orientation: of the quaternion's four values"}, term.order, kQuaternionOrders);
   if (term.kind == TermKind::motion_reference || fields.shows_all()) {
-    fields.text(
-        {"output", "term motion_reference: output of the network whose values of the inference before are shown"},
-        term.output);
-    fields.integer({"count", "term motion_reference: how many values that output has"}, term.values, 1,
-                   kMaxSensorValues);
+    fields.text({"output", "term motion_reference: output of the network, of the inference before"}, term.output);
+    fields.integer({"count", "term motion_reference: values of that output"}, term.values, 1, kMaxSensorValues);
   }
   describe_scaling(fields, term);
 }
 
 void describe_join(Fields& fields, Join& join) {
-  fields.choice(
-      {"kind",
-       "replace: at once; cross_fade: from the old path to the new one; blend: a fixed mixture; ensemble: all "
-       "predictions of an instant, weighted; align: the difference at the join fades; quintic: the same, smooth "
-       "in velocity and acceleration; prefix: the old path is played for as long as the policy was told",
-       "replace"},
-      join.kind, kJoinNames);
-  fields.duration({"over", "cross_fade, align, quintic: how long a join takes", "100 ms"}, join.over, milliseconds(1),
+  fields.choice({"kind",
+                 "replace: at once; cross_fade; blend: a fixed mixture; ensemble: weighted predictions of an instant; "
+                 "align: the difference at the join fades; quintic: as align, smooth in acceleration; prefix: the old "
+                 "path for as long as the policy was promised",
+                 "replace"},
+                join.kind, kJoinNames);
+  fields.duration({"over", "cross_fade, align, quintic: duration of a join", "100 ms"}, join.over, milliseconds(1),
                   seconds(10));
-  fields.quantity({"new_share", "blend: the new chunk's share where both say something", "0.7"}, join.new_share,
-                  Dimension::none, above(0, 1));
+  fields.quantity({"new_share", "blend: the new chunk's share", "0.7"}, join.new_share, Dimension::none, above(0, 1));
   fields.quantity({"decay", "ensemble: m of the weights exp(-m i), i = 0 the oldest prediction", "0.01"}, join.decay,
                   Dimension::none, between(0, 10));
-  fields.duration({"taper", "ensemble: a prediction's weight falls to zero over the end of its chunk", "0 ms"},
-                  join.taper, {}, seconds(10));
-  fields.duration(
-      {"longest", "prefix: no more of the path than this is promised; the longest delay trained for", "10 ms"},
-      join.longest, microseconds(100), seconds(10));
+  fields.duration({"taper", "ensemble: time over which a weight falls to zero at its chunk's end", "0 ms"}, join.taper,
+                  {}, seconds(10));
+  fields.duration({"longest", "prefix: longest promised path; the longest delay trained for", "10 ms"}, join.longest,
+                  microseconds(100), seconds(10));
 }
 
 void describe_action(Fields& fields, Action& action, Words joints) {
   constexpr std::array<std::string_view, 3> kOffsets{"zero", "home", "measured"};
-  fields.choice({"kind", "what the outputs mean: target = offset + scale * output", "joint_position"}, action.kind,
-                kActionKinds);
+  fields.choice({"kind", "target = offset + scale * output", "joint_position"}, action.kind, kActionKinds);
   fields.choice({"interpolation",
-                 "hold: a step's target for its whole period, no velocity setpoint but a joint_velocity's own; linear: "
-                 "straight lines between steps; cubic: a smooth curve through them",
+                 "hold: a step's target for its period, velocity setpoint only of joint_velocity; linear: lines "
+                 "between steps; cubic: a smooth curve",
                  "linear"},
                 action.interpolation, kInterpolations);
-  fields.section({"join", "how a new chunk takes over from the path being played", "{}"},
+  fields.section({"join", "how a new chunk takes over from the played path", "{}"},
                  [&](Fields& f) { describe_join(f, action.join); });
-  fields.quantities({"scale", "factor in rad, rad/s or Nm, one for all outputs or one each", "1"}, action.scale,
-                    Dimension::none, any_value(), {.low = 1, .high = kMaxJoints, .single_allowed = true});
+  fields.quantities({"scale", "factor in rad, rad/s or Nm", "1"}, action.scale, Dimension::none, any_value(),
+                    {.low = 1, .high = kMaxJoints, .single_allowed = true});
   auto offset = static_cast<std::size_t>(action.offset);
   fields.word_or_quantities(
-      {"offset", "home, zero, measured (the position in the answered observation), or one angle per output", "home"},
-      offset, kOffsets, action.offset_values, Dimension::angle, any_value(), {.low = 1, .high = kMaxJoints});
+      {"offset", "home, zero, measured (position in the observation), or an angle per output", "home"}, offset,
+      kOffsets, action.offset_values, Dimension::angle, any_value(), {.low = 1, .high = kMaxJoints});
   action.offset = static_cast<OffsetKind>(offset);
   fields.references({"joints", "joint of each output; empty: as joint_order", "[]"}, action.joint_of_output, joints,
                     "joint");
-  fields.section(
-      {"outputs", "further outputs of the network, of the action's shape, taken as they are", "{}"}, [&](Fields& f) {
-        f.text({"velocity", "joint_position: the output with velocities, rad/s; none: none", "none"}, action.velocity);
-        f.text({"torque", "the output with torques, added to those of the gains, Nm; none: none", "none"},
-               action.torque);
-        f.text({"kp", "the output with stiffness, Nm/rad; none: the joints' own", "none"}, action.kp);
-        f.text({"kd", "the output with damping, Nms/rad; none: the joints' own", "none"}, action.kd);
-      });
+  fields.section({"outputs", "further outputs of the network, of the action's shape, unscaled", "{}"}, [&](Fields& f) {
+    f.text({"velocity", "joint_position: output with velocities, rad/s", "none"}, action.velocity);
+    f.text({"torque", "output with torques, added to those of the gains, Nm", "none"}, action.torque);
+    f.text({"kp", "output with stiffness, Nm/rad; none: the joints' own", "none"}, action.kp);
+    f.text({"kd", "output with damping, Nms/rad; none: the joints' own", "none"}, action.kd);
+  });
 }
 
 void describe_monitors(Fields& fields, ChunkMonitors& monitors) {
-  fields.integer({"votes", "a catch: so many of the newest answers are above the threshold", "20"}, monitors.votes, 1,
-                 1000);
-  fields.integer({"of", "the newest answers", "40"}, monitors.of, 1, 1000);
-  fields.each(
-      {"thresholds", "as `takt policy calibrate` prints them", "[]"}, monitors.thresholds, kChunkScoreCount,
-      [](Fields& f, ChunkThreshold& threshold) {
-        f.choice({"score", "number that is read off every answer (docs/policies.md)"}, threshold.score,
-                 kChunkScoreNames);
-        f.quantity({"above", "largest value that is still usual"}, threshold.above, Dimension::none, between(0, 1e9));
-      });
+  fields.integer({"votes", "answers above the threshold that make a catch", "20"}, monitors.votes, 1, 1000);
+  fields.integer({"of", "of so many newest answers", "40"}, monitors.of, 1, 1000);
+  fields.each({"thresholds", "as `takt policy calibrate` prints them", "[]"}, monitors.thresholds, kChunkScoreCount,
+              [](Fields& f, ChunkThreshold& threshold) {
+                f.choice({"score", "score of every answer (docs/policies.md)"}, threshold.score, kChunkScoreNames);
+                f.quantity({"above", "largest usual value"}, threshold.above, Dimension::none, between(0, 1e9));
+              });
 }
 
 void describe_sampler(Fields& fields, Sampler& sampler) {
-  fields.text({"noisy", "name of the network's input for what is being denoised", "x_t"}, sampler.noisy);
-  fields.text({"time", "name of its input for the time, 0 noise to 1 action: one number, or one per step", "t"},
-              sampler.time);
-  fields.integer({"steps", "of denoising, all of one size", "8"}, sampler.steps, 1, 1000);
-  fields.integer({"seed", "what noise is drawn from, with the observation's id", "1"}, sampler.seed, 0, 1U << 30U);
+  fields.text({"noisy", "input for what is denoised", "x_t"}, sampler.noisy);
+  fields.text({"time", "input for the time, 0 noise to 1 action: one number, or one per step", "t"}, sampler.time);
+  fields.integer({"steps", "denoising steps, of one size", "8"}, sampler.steps, 1, 1000);
+  fields.integer({"seed", "seed of the noise, with the observation's id", "1"}, sampler.seed, 0, 1U << 30U);
   fields.choice({"prefix",
-                 "none: each chunk for itself; guided: drawn towards the path that is being played while it is "
-                 "denoised; trained: the network is shown the steps that will be played, as in its training",
+                 "none: each chunk for itself; guided: drawn towards the played path; trained: the network is shown "
+                 "the steps that will be played",
                  "none"},
                 sampler.prefix, kPrefixUses);
-  fields.choice({"schedule", "guided: how the pull falls from the promised steps to the path's end", "exponential"},
+  fields.choice({"schedule", "guided: fall of the pull from the promised steps to the path's end", "exponential"},
                 sampler.schedule, kPrefixSchedules);
   fields.quantity({"limit", "guided: most of the error's share in the velocity", "5"}, sampler.limit, Dimension::none,
                   above(0, 1000));
-  fields.integer({"samples", "drawn for every answer", "1"}, sampler.samples, 1, kMostSamples);
-  fields.choice({"choice",
-                 "first: of them; coherent: the nearest to the path that is being played; agreed: the first, as far "
-                 "as all agree",
-                 "first"},
-                sampler.choice, kSampleChoices);
+  fields.integer({"samples", "samples per answer", "1"}, sampler.samples, 1, kMostSamples);
+  fields.choice(
+      {"choice", "first; coherent: the nearest to the played path; agreed: the first, as far as all agree", "first"},
+      sampler.choice, kSampleChoices);
   fields.quantity({"decay", "coherent: m of the weights exp(-m i), i = 0 the first step", "0.5"}, sampler.decay,
                   Dimension::none, between(0, 10));
-  fields.quantity(
-      {"tolerance", "agreed: samples agree where no output differs by more, in units of the outputs", "0.1"},
-      sampler.tolerance, Dimension::none, above(0, 1e6));
+  fields.quantity({"tolerance", "agreed: largest difference of outputs", "0.1"}, sampler.tolerance, Dimension::none,
+                  above(0, 1e6));
 }
 
 void describe_speculation(Fields& fields, Speculation& speculation) {
-  fields.quantity({"position", "how far each joint may be from where a speculative chunk assumed it"},
+  fields.quantity({"position", "largest distance of a joint from where an alternative assumed it"},
                   speculation.position, Dimension::angle, above(0, 1));
-  fields.quantity({"velocity", "the same of its velocity, where the chunk assumes any"}, speculation.velocity,
+  fields.quantity({"velocity", "the same of its velocity, where assumed"}, speculation.velocity,
                   Dimension::angular_velocity, above(0, 100));
 }
 
 void describe_engine(Fields& fields, Engine& engine) {
   fields.text({"name",
                "builtin, onnxruntime, torchscript, the path of a plugin (with a slash; docs/own-engine.md), or auto: "
-               "torchscript for a .pt file, for an ONNX file builtin where it is the quicker one, else onnxruntime",
+               "torchscript for .pt, else the quicker of builtin and onnxruntime",
                "auto"},
               engine.name);
   fields.integer({"threads", "of one inference", "1"}, engine.threads, 1, kMostEngineThreads);
-  fields.one_of({"provider", "what it computes on; cuda and tensorrt need a library that has them", "cpu"},
-                engine.provider, kProviders, "provider");
+  fields.one_of({"provider", "device; cuda and tensorrt need a library that has them", "cpu"}, engine.provider,
+                kProviders, "provider");
   std::string library = engine.library.empty() ? "none" : engine.library;
-  fields.text({"library", "onnxruntime: its libonnxruntime.so; none: the one that the dynamic linker finds", "none"},
-              library);
+  fields.text({"library", "onnxruntime: its libonnxruntime.so; none: the dynamic linker's", "none"}, library);
   engine.library = library == "none" ? "" : library;
   fields.duration({"load_within", "a plugin that takes longer to load is refused", "60 s"}, engine.load_within,
                   milliseconds(100), seconds(3600));
@@ -288,59 +256,54 @@ void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& 
   const auto joints = joint_names(robot);
   std::vector<std::string_view> sensors;
   for (const Sensor& sensor : robot.sensors) sensors.emplace_back(sensor.name);
-  fields.text({"file", "ONNX file, or what another engine reads; a relative path starts at this file's folder"},
-              policy.file);
-  fields.text(
-      {"signed_by",
-       "public key of Ed25519, PEM: policies arm this robot only with its signature beside their file, FILE.sig "
-       "(docs/policies.md)",
-       "none"},
-      policy.signed_by);
-  fields.duration({"period", "an observation is published this often; a whole number of control periods"},
-                  policy.period, microseconds(100), seconds(10));
+  fields.text({"file", "ONNX file, or another engine's; a relative path starts at this file's folder"}, policy.file);
+  fields.text({"signed_by",
+               "Ed25519 public key, PEM: only policies with its signature beside their file, FILE.sig, arm this robot "
+               "(docs/policies.md)",
+               "none"},
+              policy.signed_by);
+  fields.duration({"period", "time between observations; a whole number of control periods"}, policy.period,
+                  microseconds(100), seconds(10));
   fields.duration({"step_period", "time between two steps of an action chunk"}, policy.step_period, microseconds(100),
                   seconds(10));
   fields.integer({"steps", "steps of an action chunk", "1"}, policy.steps, 1, kMaxChunkSteps);
   fields.text({"input", "name of the model's input", "obs"}, policy.input);
   fields.text({"output", "name of the model's output", "actions"}, policy.output);
   bool has_engine = policy.engine.has_value();
-  fields.optional_section({"engine", "what runs the file, and how (docs/policies.md)"}, has_engine, [&](Fields& f) {
+  fields.optional_section({"engine", "what runs the file (docs/policies.md)"}, has_engine, [&](Fields& f) {
     if (!policy.engine) policy.engine.emplace();
     describe_engine(f, *policy.engine);
   });
   fields.integer({"nice", "niceness of the policy host", "0"}, policy.nice, -20, 19);
-  fields.integer({"requests_in_flight",
-                  "observations that the policy host answers at a time, each with a network of its own", "1"},
+  fields.integer({"requests_in_flight", "observations answered at a time, each by a network of its own", "1"},
                  policy.requests_in_flight, 1, kMostRequests);
   fields.duration(
-      {"probation", "of tracking: so long a policy that was swapped in goes back by itself (docs/policies.md)", "10 s"},
+      {"probation", "tracking time after a swap in which a failure switches back (docs/policies.md)", "10 s"},
       policy.probation, Duration{0}, seconds(3600));
   fields.references({"joint_order", "the policy's order of joints; empty: this file's", "[]"}, policy.joint_order,
                     joints, "joint");
-  fields.one_of({"history_layout", "by_term: each term's history together; by_time: all terms of one instant together",
-                 "by_term"},
+  fields.one_of({"history_layout", "each term's history together, or all terms of an instant", "by_term"},
                 policy.history_layout, kLayouts, "layout");
-  fields.one_of({"history_order", "which end of a history is the newest instant", "oldest_first"}, policy.history_order,
+  fields.one_of({"history_order", "order of a history's instants", "oldest_first"}, policy.history_order,
                 kHistoryOrders, "order");
-  fields.each({"observation", "terms, in the order of the model's input"}, policy.observation, kMaxTerms,
+  fields.each({"observation", "terms, in the input's order"}, policy.observation, kMaxTerms,
               [&](Fields& f, ObservationTerm& term) { describe_term(f, term, sensors, joints); });
   fields.section({"action", "how outputs become joint targets", "{}"},
                  [&](Fields& f) { describe_action(f, policy.action, joints); });
   bool monitored = policy.monitors.has_value();
-  fields.optional_section({"monitors", "watch its answers by their numbers; a catch is recorded and decides nothing"},
+  fields.optional_section({"monitors", "scores of the policy's answers; a catch is recorded and decides nothing"},
                           monitored, [&](Fields& f) {
                             if (!policy.monitors) policy.monitors.emplace();
                             describe_monitors(f, *policy.monitors);
                           });
   bool samples = policy.sampler.has_value();
-  fields.optional_section({"sampler", "the file is a flow's velocity network; the policy host denoises with it"},
-                          samples, [&](Fields& f) {
-                            if (!policy.sampler) policy.sampler.emplace();
-                            describe_sampler(f, *policy.sampler);
-                          });
+  fields.optional_section({"sampler", "the file is a flow's velocity network"}, samples, [&](Fields& f) {
+    if (!policy.sampler) policy.sampler.emplace();
+    describe_sampler(f, *policy.sampler);
+  });
   bool speculates = policy.speculation.has_value();
-  fields.optional_section({"speculation", "take alternatives for states that are not there yet (docs/policies.md)"},
-                          speculates, [&](Fields& f) {
+  fields.optional_section({"speculation", "alternatives for future states (docs/policies.md)"}, speculates,
+                          [&](Fields& f) {
                             if (!policy.speculation) policy.speculation.emplace();
                             describe_speculation(f, *policy.speculation);
                           });
@@ -356,18 +319,18 @@ void describe_feedback_row(Fields& fields, FeedbackRow& row, Words joints) {
 }
 
 void describe_fallback_policy(Fields& fields, Fallback& fallback) {
-  fields.text({"file", "policy: another file for the same observation and action; none: policy.file", "none"},
+  fields.text({"file", "policy: another file of the same observation and action; none: policy.file", "none"},
               fallback.file);
-  fields.quantities({"command", "policy: what its observation terms `command` read, whatever a person asks for", "[]"},
-                    fallback.command, Dimension::none, any_value(), {.low = 0, .high = kMaxSensorValues});
+  fields.quantities({"command", "policy: fixed value of its observation terms `command`", "[]"}, fallback.command,
+                    Dimension::none, any_value(), {.low = 0, .high = kMaxSensorValues});
   fields.duration({"for", "policy: how long it may move the robot at one go, then a damped stop; 0 s: without end"},
                   fallback.longest, {}, seconds(3600));
 }
 
 void describe_fallback(Fields& fields, Fallback& fallback, Words joints) {
   fields.choice({"kind",
-                 "pose: move to a fixed pose; state_feedback: torque = -gains [q - pose; dq]; policy: a second policy, "
-                 "kept warm by takt-policy-host --fallback"},
+                 "pose: move to a pose; state_feedback: torque = -gains [q - pose; dq]; policy: a second policy "
+                 "(takt-policy-host --fallback)"},
                 fallback.kind, kFallbackKinds);
   if (fallback.kind != FallbackKind::policy || fields.shows_all())
     fields.quantities({"pose", "pose, state_feedback: one angle per joint"}, fallback.pose, Dimension::angle,
@@ -379,8 +342,7 @@ void describe_fallback(Fields& fields, Fallback& fallback, Words joints) {
     fields.each({"gains", "state_feedback: one row per driven joint"}, fallback.gains, kMaxJoints,
                 [&](Fields& f, FeedbackRow& row) { describe_feedback_row(f, row, joints); });
   if (fallback.kind == FallbackKind::policy || fields.shows_all()) describe_fallback_policy(fields, fallback);
-  fields.text({"shown_by",
-               "of a robot that can fall: the file of `takt panel attest` that shows that it does not by this", "none"},
+  fields.text({"shown_by", "attestation (`takt panel attest`) that a robot that can fall stands by this", "none"},
               fallback.shown_by);
 }
 
@@ -388,42 +350,36 @@ void describe_degraded(Fields& fields, DegradedConfig& degraded, const std::vect
   std::vector<std::string_view> names;
   for (const Fallback& fallback : fallbacks) names.emplace_back(fallback.name);
   fields.choice({"behaviour",
-                 "hold: brake and stay, whatever the policy says; slow: the policy at speed_scale, without a usable "
-                 "command as hold; fallback: hand over to degraded.fallback"},
+                 "hold: brake and stay, ignoring the policy; slow: the policy at speed_scale, without a usable command "
+                 "as hold; fallback: hand over to degraded.fallback"},
                 degraded.behaviour, kDegraded);
-  fields.quantity({"speed_scale", "slow: velocity limits are multiplied by it; also where resume_over begins", "0.3"},
+  fields.quantity({"speed_scale", "slow: factor of the velocity limits; also where resume_over begins", "0.3"},
                   degraded.speed_scale, Dimension::none, above(0, 1));
-  fields.duration(
-      {"resume_over", "back in tracking, velocity limits rise from speed_scale of them to all of them in it", "2 s"},
-      degraded.resume_over, {}, seconds(60));
+  fields.duration({"resume_over", "ramp time from speed_scale to full velocity limits, back in tracking", "2 s"},
+                  degraded.resume_over, {}, seconds(60));
   fields.duration({"after",
-                   "no usable command for this long degrades the robot (command_late), as epsilon of the window does; "
-                   "0 ms: that alone",
+                   "no usable command for this long, or epsilon of the window, degrades the robot (command_late); 0 "
+                   "ms: the latter alone",
                    "0 ms"},
                   degraded.after, {}, seconds(10));
-  fields.one_of({"fallback", "fallback: name of an entry in fallbacks, or none", "none"}, degraded.fallback, names,
-                "fallback", "none");
-  fields.duration({"for", "how long the robot may be degraded at one go, then a damped stop; 0 s: without end", "0 s"},
-                  degraded.longest, {}, seconds(3600));
-  fields.flag(
-      {"by_temperature",
-       "true: a drive beyond its limits.temperature.warning degrades the robot until it is 5 degrees cooler", "false"},
-      degraded.by_temperature);
+  fields.one_of({"fallback", "fallback: an entry of fallbacks", "none"}, degraded.fallback, names, "fallback", "none");
+  fields.duration({"for", "longest degraded spell, then a damped stop; 0 s: without end", "0 s"}, degraded.longest, {},
+                  seconds(3600));
+  fields.flag({"by_temperature",
+               "true: a drive beyond limits.temperature.warning degrades the robot until 5 degrees cooler", "false"},
+              degraded.by_temperature);
 }
 
 void describe_stop(Fields& fields, StopConfig& stop) {
   fields.choice({"how",
-                 "rest: damped to rest, then held; without model and imu braked and held at once; damping: damped and "
-                 "never held; hold: braked and held at once; "
-                 "policy: moved by the fallback policy of "
-                 "degraded.fallback while it has something to say"},
+                 "rest: damped to rest, then held (without model and imu as hold); damping: never held; hold: braked "
+                 "and held at once; policy: by the policy of degraded.fallback while usable"},
                 stop.how, kStopHow);
   if ((stop.how != StopHow::rest && stop.how != StopHow::damping) || fields.shows_all()) {
     fields.duration({"for", "hold, policy: for so long, then as rest; 0 s: without end"}, stop.longest, {},
                     seconds(3600));
     fields.text(
-        {"shown_by",
-         "hold, policy: of a robot that can fall, the file of `takt panel attest` that shows that it does not", "none"},
+        {"shown_by", "hold, policy: attestation (`takt panel attest`) that a robot that can fall stands", "none"},
         stop.shown_by);
   }
 }
@@ -431,13 +387,13 @@ void describe_stop(Fields& fields, StopConfig& stop) {
 }  // namespace
 
 void describe_policy(Fields& fields, RobotConfig& robot) {
-  fields.each_named({"fallbacks", "simple policies to hand over to, by name", "{}"}, robot.fallbacks,
+  fields.each_named({"fallbacks", "fallbacks of degraded mode, by name", "{}"}, robot.fallbacks,
                     [&](Fields& f, Fallback& fallback) { describe_fallback(f, fallback, joint_names(robot)); });
-  fields.section({"degraded", "what happens when the policy is late, or its contract violated"},
+  fields.section({"degraded", "reaction to a late policy or violated contract"},
                  [&](Fields& f) { describe_degraded(f, robot.degraded, robot.fallbacks); });
-  fields.each_named({"stops", "how a damped stop comes to rest, by the name of its cause; others: rest", "{}"},
-                    robot.stops, [&](Fields& f, StopConfig& stop) { describe_stop(f, stop); });
-  fields.each({"sensors", "outside sensors the policy reads", "[]"}, robot.sensors, kMaxSensors, describe_sensor);
+  fields.each_named({"stops", "how damped stops come to rest, by cause; others: rest", "{}"}, robot.stops,
+                    [&](Fields& f, StopConfig& stop) { describe_stop(f, stop); });
+  fields.each({"sensors", "outside sensors of the policy", "[]"}, robot.sensors, kMaxSensors, describe_sensor);
   bool has_imu = robot.imu.has_value();
   fields.optional_section({"imu", "the base's inertial measurement unit"}, has_imu, [&](Fields& f) {
     if (!robot.imu) robot.imu.emplace();

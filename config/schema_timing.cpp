@@ -11,101 +11,89 @@ constexpr std::array<std::string_view, 3> kFollowing{"warn", "degrade", "stop"};
 constexpr std::array<std::string_view, 2> kWakeModes{"sleep", "hybrid"};
 
 void describe_control(Fields& fields, Control& control) {
-  fields.duration({"period", "time from one control tick to the next", "1 ms"}, control.period, microseconds(100),
+  fields.duration({"period", "time between control ticks", "1 ms"}, control.period, microseconds(100),
                   milliseconds(100));
   fields.integer({"priority", "SCHED_FIFO priority of the control thread", "80"}, control.priority, 1, 99);
-  fields.whole_or_none({"cpu", "core the control thread is pinned to, or none", "none"}, control.cpu, 0, 1023);
-  fields.choice({"wake", "sleep until the tick, or sleep and spin for its last part", "sleep"}, control.wake,
-                kWakeModes);
-  fields.duration({"spin", "hybrid: spin for this long before the tick", "100 us"}, control.spin, microseconds(1),
+  fields.whole_or_none({"cpu", "core of the control thread", "none"}, control.cpu, 0, 1023);
+  fields.choice({"wake", "sleep until the tick, or spin for its last part", "sleep"}, control.wake, kWakeModes);
+  fields.duration({"spin", "hybrid: time to spin before the tick", "100 us"}, control.spin, microseconds(1),
                   milliseconds(50));
-  fields.quantity(
-      {"late_share",
-       "more of freshness.window's periods late or skipped than this cause a damped stop; 1 switches it off", "0.25"},
-      control.late_share, Dimension::none, Range{.low = 0, .high = 1, .low_open = true});
+  fields.quantity({"late_share",
+                   "larger share of freshness.window's periods late or skipped causes a damped stop; 1: never", "0.25"},
+                  control.late_share, Dimension::none, Range{.low = 0, .high = 1, .low_open = true});
 }
 
 void describe_freshness(Fields& fields, Freshness& freshness) {
   fields.duration({"max_age", "a command older than this is not played"}, freshness.max_age, milliseconds(1),
                   seconds(60));
-  fields.quantity({"aging_fraction", "past this part of max_age a fresh command counts as aging", "0.8"},
+  fields.quantity({"aging_fraction", "past this part of max_age a command counts as aging", "0.8"},
                   freshness.aging_fraction, Dimension::none, inside(0, 1));
   fields.quantity({"epsilon", "contract: Pr(age > max_age) <= epsilon"}, freshness.epsilon, Dimension::none,
                   inside(0, 1));
-  fields.quantity({"confidence", "one-sided confidence of the reported miss rate's bound", "0.95"},
-                  freshness.confidence, Dimension::none, inside(0, 1));
-  fields.duration({"window", "sliding window over which misses are counted"}, freshness.window, milliseconds(1),
-                  seconds(600));
+  fields.quantity({"confidence", "one-sided confidence of the miss rate's bound", "0.95"}, freshness.confidence,
+                  Dimension::none, inside(0, 1));
+  fields.duration({"window", "sliding window of misses"}, freshness.window, milliseconds(1), seconds(600));
   fields.duration({"recover_after", "uninterrupted fresh time that ends degraded mode"}, freshness.recover_after,
                   milliseconds(1), seconds(600));
-  fields.duration(
-      {"flap_memory",
-       "degraded again within this time of the newest return to tracking: the next recovery takes twice as long, up to "
-       "16 times recover_after",
-       "10 s"},
-      freshness.flap_memory, milliseconds(0), seconds(3600));
+  fields.duration({"flap_memory",
+                   "degraded again this soon after the return to tracking: the next recovery takes twice as long, up "
+                   "to 16 times recover_after",
+                   "10 s"},
+                  freshness.flap_memory, milliseconds(0), seconds(3600));
   fields.duration({"stop_after", "no usable command for this long causes a damped stop"}, freshness.stop_after,
                   milliseconds(1), seconds(600));
-  fields.integer(
-      {"bad_command_limit",
-       "more messages than this in the window, refused for what they say, stop the robot (bad_commands)", "25"},
-      freshness.bad_command_limit, 1, 1'000'000);
-  fields.quantity({"clamped_share",
-                   "a larger share of the window's ticks with a target out of its joint's range stops the robot "
-                   "(bad_commands); 1: never",
-                   "0.25"},
-                  freshness.clamped_share, Dimension::none, Range{.low = 0, .high = 1, .low_open = true});
+  fields.integer({"bad_command_limit", "more invalid messages in the window stop the robot (bad_commands)", "25"},
+                 freshness.bad_command_limit, 1, 1'000'000);
+  fields.quantity(
+      {"clamped_share",
+       "a larger share of the window's ticks with an out-of-range target stops the robot (bad_commands); 1: never",
+       "0.25"},
+      freshness.clamped_share, Dimension::none, Range{.low = 0, .high = 1, .low_open = true});
 }
 
 void describe_feedback(Fields& fields, FeedbackConfig& feedback) {
   fields.duration({"timeout", "a joint silent for longer causes a fault"}, feedback.timeout, microseconds(100),
                   seconds(10));
-  fields.duration({"enable_timeout", "every drive must report enabled within this time of arming", "500 ms"},
+  fields.duration({"enable_timeout", "every drive must report enabled this soon after arming", "500 ms"},
                   feedback.enable_timeout, milliseconds(1), seconds(60));
-  fields.quantity({"rest_velocity", "below it a joint counts as resting; a damped stop then holds", "0.02 rad/s"},
+  fields.quantity({"rest_velocity", "slower joints count as resting; a damped stop then holds", "0.02 rad/s"},
                   feedback.rest_velocity, Dimension::angular_velocity, above(0, 10));
-  fields.quantity({"jump",
-                   "ignore a position this much further from the one before than velocity_hard allows, and stop after "
-                   "three in a row; 0 rad: not looked for",
-                   "0.05 rad"},
-                  feedback.jump, Dimension::angle, between(0, 10));
+  fields.quantity(
+      {"jump",
+       "ignore a position this much further than velocity_hard allows, and stop after three in a row; 0 rad: off",
+       "0.05 rad"},
+      feedback.jump, Dimension::angle, between(0, 10));
   fields.quantity({"contradiction",
-                   "stop when positions and the drive's own velocities differ by this and a quarter of the way within "
-                   "about 0.5 s; 0 rad: not looked for",
+                   "stop when positions and the drive's velocities differ by this and a quarter of the way within "
+                   "about 0.5 s; 0 rad: off",
                    "0.03 rad"},
                   feedback.contradiction, Dimension::angle, between(0, 10));
-  fields.duration({"frozen_after",
-                   "stop when a position stands still for longer, bit by bit, while velocity or torque says that the "
-                   "joint moves; 0 ms: not looked for",
-                   "20 ms"},
-                  feedback.frozen_after, {}, seconds(10));
   fields.duration(
-      {"following_timeout",
-       "a joint beyond limits.following_error for this long is behind its reference; 0 ms: not looked for", "500 ms"},
-      feedback.following_timeout, {}, seconds(60));
-  fields.choice({"following",
-                 "what a joint behind its reference does: warn: it is told; degrade: the robot is degraded until the "
-                 "joint follows again; stop: a damped stop (following_lost)",
-                 "warn"},
-                feedback.following, kFollowing);
+      {"frozen_after",
+       "stop when a position is bitwise constant for longer while velocity or torque shows motion; 0 ms: off", "20 ms"},
+      feedback.frozen_after, {}, seconds(10));
+  fields.duration({"following_timeout",
+                   "a joint beyond limits.following_error for this long is behind its reference; 0 ms: off", "500 ms"},
+                  feedback.following_timeout, {}, seconds(60));
+  fields.choice(
+      {"following",
+       "for a joint behind its reference: warn; degrade until it follows; stop: damped stop (following_lost)", "warn"},
+      feedback.following, kFollowing);
 }
 
 void describe_bus_faults(Fields& fields, BusFaults& faults) {
   const auto share = [&fields](const Key& key, double& value) {
     fields.quantity(key, value, Dimension::none, Range{.low = 0, .high = 1, .low_open = true});
   };
-  fields.duration(
-      {"window", "about this long is remembered; a share below is of its ticks, and 1 switches a fault off", "1 s"},
-      faults.window, milliseconds(1), seconds(3));
-  share({"replies_lost", "replies a joint owes and never sends", "0.5"}, faults.replies_lost);
-  share({"replies_repeated", "replies a joint sends beyond those it owes", "0.1"}, faults.replies_repeated);
-  share({"replies_delayed", "replies a joint sends more than two ticks late", "0.5"}, faults.replies_delayed);
-  share({"transmit_drops", "ticks in which a bus did not take a frame of ours", "0.05"}, faults.transmit_drops);
-  share({"receive_drops", "ticks in which frames of a bus were lost on this computer", "0.02"}, faults.receive_drops);
-  share({"foreign_frames", "ticks in which another controller used our drives' ids on a bus", "0.02"},
-        faults.foreign_frames);
-  share({"babble", "ticks in which a bus carried more frames than our drives can say", "0.1"}, faults.babble);
-  share({"error_passive", "ticks in which a bus's controller was error-passive", "0.5"}, faults.error_passive);
+  fields.duration({"window", "window of the shares below, about", "1 s"}, faults.window, milliseconds(1), seconds(3));
+  share({"replies_lost", "replies of a joint that never come", "0.5"}, faults.replies_lost);
+  share({"replies_repeated", "excess replies of a joint", "0.1"}, faults.replies_repeated);
+  share({"replies_delayed", "replies of a joint more than two ticks late", "0.5"}, faults.replies_delayed);
+  share({"transmit_drops", "ticks in which a bus did not take a frame of Takt", "0.05"}, faults.transmit_drops);
+  share({"receive_drops", "ticks in which this computer lost frames of a bus", "0.02"}, faults.receive_drops);
+  share({"foreign_frames", "ticks with another controller on the drives' ids", "0.02"}, faults.foreign_frames);
+  share({"babble", "ticks with more frames than the drives can send", "0.1"}, faults.babble);
+  share({"error_passive", "ticks with an error-passive controller", "0.5"}, faults.error_passive);
 }
 
 }  // namespace
@@ -114,7 +102,7 @@ void describe_timing(Fields& fields, RobotConfig& robot) {
   fields.section({"control", "the control loop", "{}"}, [&](Fields& f) { describe_control(f, robot.control); });
   fields.section({"freshness", "how old a command may be"}, [&](Fields& f) { describe_freshness(f, robot.freshness); });
   fields.section({"feedback", "what the drives owe"}, [&](Fields& f) { describe_feedback(f, robot.feedback); });
-  fields.section({"bus_faults", "how much of each bus fault is too much", "{}"},
+  fields.section({"bus_faults", "limits of bus faults, as shares of the window's ticks; 1: off", "{}"},
                  [&](Fields& f) { describe_bus_faults(f, robot.bus_faults); });
 }
 
