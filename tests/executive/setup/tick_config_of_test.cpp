@@ -121,7 +121,7 @@ TEST(TickConfigOf, JointsCarryLimitsAndGains) {
       0.3F);
 }
 
-// What docs/design.md says of them: none pays for the look at what torque is left.
+// None of them pays for the look at what torque is left.
 TEST(TickConfigOf, TheDemoArmsAndTheCartHaveTorqueForTheirWholeAccelerationInEveryPose) {
   for (const char* file : {"arm6", "arm6_visuomotor", "dual_arm12", "cart_pole"}) {
     const auto robot = load("config/" + std::string(file) + ".yaml");
