@@ -16,6 +16,7 @@ Alternatives::Alternatives(const config::RobotConfig& robot)
   if (!tolerance) return;
   q_tolerance_ = static_cast<float>(tolerance->position);
   dq_tolerance_ = static_cast<float>(tolerance->velocity);
+  for (const config::Joint& joint : robot.joints) per_rad_.push_back(static_cast<float>(config::per_rad(joint)));
   const std::size_t values = std::min(robot.policy->steps * joints_ * kCommandFieldCount, kMaxChunkValues);
   for (Kept& one : kept_) {
     one.values.resize(values);
@@ -54,8 +55,8 @@ float Alternatives::distance(const Kept& one, const Observation& observation) co
     distance = std::isfinite(difference) ? std::max(distance, difference) : INFINITY;
   };
   for (std::size_t j = 0; j < joints_; ++j) {
-    further(std::abs(one.q[j] - observation.q[j]) / q_tolerance_);
-    if (one.has_dq) further(std::abs(one.dq[j] - observation.dq[j]) / dq_tolerance_);
+    further(std::abs(one.q[j] - observation.q[j]) / (q_tolerance_ * per_rad_[j]));
+    if (one.has_dq) further(std::abs(one.dq[j] - observation.dq[j]) / (dq_tolerance_ * per_rad_[j]));
   }
   return distance;
 }

@@ -59,7 +59,8 @@ class Alternatives {
 
   config::Interpolation interpolation_;
   Duration max_age_;
-  float q_tolerance_ = 0, dq_tolerance_ = 0;
+  float q_tolerance_ = 0, dq_tolerance_ = 0;  // of a radian of each joint
+  std::vector<float> per_rad_;                // by joint
   std::size_t joints_;
   std::array<Kept, kMost> kept_;
   std::uint64_t order_ = 0;

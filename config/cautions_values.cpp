@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "config/cautions.hpp"
+#include "config/joint_units.hpp"
 #include "config/units.hpp"
 
 namespace takt::config {
@@ -96,7 +97,7 @@ struct Placed {
   Vector3 origin, axis, com;
 };
 
-// Nm that gravity asks of each joint with all joints at home. The links of a model come parents first.
+// Nm, of a slide N, that gravity asks of each joint with all joints at home. The links of a model come parents first.
 std::vector<double> gravity_at_home(const RobotConfig& robot) {
   const Model& model = *robot.model;
   std::vector<Placed> placed;
@@ -109,7 +110,9 @@ std::vector<double> gravity_at_home(const RobotConfig& robot) {
     const Matrix frame = product(before, turn_of(link.origin_rpy));
     here.origin = plus(from, turned(before, link.origin_xyz));
     here.axis = turned(frame, times(1 / norm(link.axis), link.axis));
-    here.turn = product(frame, turn_about(link.axis, robot.joints[i].home));
+    const bool slides = robot.joints[i].kind == JointKind::slide;
+    here.turn = slides ? frame : product(frame, turn_about(link.axis, robot.joints[i].home));
+    if (slides) here.origin = plus(here.origin, times(robot.joints[i].home, here.axis));
     here.com = plus(here.origin, turned(here.turn, link.com));
     placed.push_back(here);
   }
@@ -119,7 +122,8 @@ std::vector<double> gravity_at_home(const RobotConfig& robot) {
     for (int joint = static_cast<int>(i); joint >= 0; joint = model.links[static_cast<std::size_t>(joint)].parent) {
       const Placed& at = placed[static_cast<std::size_t>(joint)];
       const Vector3 arm = plus(placed[i].com, times(-1, at.origin));
-      torques[static_cast<std::size_t>(joint)] -= dot(at.axis, cross(arm, weight));
+      const bool slides = robot.joints[static_cast<std::size_t>(joint)].kind == JointKind::slide;
+      torques[static_cast<std::size_t>(joint)] -= dot(at.axis, slides ? weight : cross(arm, weight));
     }
   }
   return torques;
@@ -181,8 +185,8 @@ void of_model(const RobotConfig& robot, Cautions& cautions) {
   std::string asked;
   for (std::size_t j = 0; j < torques.size(); ++j)
     if (const double most = robot.joints[j].limits.torque; std::abs(torques[j]) > most)
-      asked += fmt::format("{}{:.1f} Nm of {} (limits.torque {:.1f} Nm)", asked.empty() ? "" : ", ",
-                           std::abs(torques[j]), robot.joints[j].name, most);
+      asked += fmt::format("{0}{1:.1f} {4} of {2} (limits.torque {3:.1f} {4})", asked.empty() ? "" : ", ",
+                           std::abs(torques[j]), robot.joints[j].name, most, kJointTorque.unit(robot.joints[j].kind));
   cautions.say_if(!asked.empty(), "gravity asks for " + asked + " at home: it falls; correct model.links or the limit");
 }
 

@@ -7,6 +7,7 @@
 #include <cctype>
 #include <cmath>
 
+#include "config/joint_units.hpp"
 #include "config/observation_shape.hpp"
 #include "config/stop_causes.hpp"
 #include "config/turns.hpp"
@@ -160,15 +161,20 @@ void check_fallbacks(const RobotConfig& robot, Checker& checker) {
   for (const Fallback& fallback : robot.fallbacks) {
     const std::string path = fmt::format("fallbacks.{}", fallback.name);
     if (fallback.kind == FallbackKind::state_feedback) check_feedback_rows(robot, fallback, path, checker);
+    checker.require(fallback.kind != FallbackKind::state_feedback || !has_slides(robot), path + ".kind",
+                    "state_feedback has gains in Nm/rad alone, and a joint slides; write pose or policy");
     if (fallback.kind == FallbackKind::policy) check_fallback_policy(robot, fallback, path, checker);
     for (std::size_t j = 0; j < robot.joints.size() && j < fallback.pose.size(); ++j) {
       const Joint& joint = robot.joints[j];
       checker.require(fallback.pose[j] >= joint.limits.q_min && fallback.pose[j] <= joint.limits.q_max, path + ".pose",
-                      fmt::format("{:.4g} rad for {} is outside its limits [{:.4g}, {:.4g}] rad; move it inside",
-                                  fallback.pose[j], joint.name, joint.limits.q_min, joint.limits.q_max));
-      checker.require(joint.passive || fallback.speed <= joint.limits.velocity, path + ".speed",
-                      fmt::format("{} rad/s exceeds the velocity limit {} rad/s of {}; lower it", fallback.speed,
-                                  joint.limits.velocity, joint.name));
+                      fmt::format("{0:.4g} {4} for {1} is outside its limits [{2:.4g}, {3:.4g}] {4}; move it inside",
+                                  fallback.pose[j], joint.name, joint.limits.q_min, joint.limits.q_max,
+                                  kJointPosition.unit(joint.kind)));
+      const bool slides = joint.kind == JointKind::slide;
+      const double speed = slides ? fallback.slide_speed : fallback.speed;
+      checker.require(joint.passive || speed <= joint.limits.velocity, path + (slides ? ".slide_speed" : ".speed"),
+                      fmt::format("{0} {3} exceeds the velocity limit {1} {3} of {2}; lower it", speed,
+                                  joint.limits.velocity, joint.name, kJointVelocity.unit(joint.kind)));
     }
   }
 }

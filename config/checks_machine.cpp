@@ -9,6 +9,7 @@
 #include "config/checks.hpp"
 #include "config/drive_ids.hpp"
 #include "config/drive_presets.hpp"
+#include "config/joint_units.hpp"
 #include "config/turns.hpp"
 
 namespace takt::config {
@@ -92,6 +93,14 @@ void check_position_after_power_up(const Drive& drive, std::size_t i, Checker& c
                   "a CyberGear forgets its zero with its supply, and cannot save it; write unknown");
 }
 
+// Its places are counted in turns of the joint, of which a slide has none.
+void check_place_of_slide(const Joint& joint, std::size_t i, Checker& checker) {
+  checker.require(
+      joint.kind == JointKind::hinge || joint.drive.position_after_power_up != PositionAfterPowerUp::one_of_several,
+      joint_path(i, "drive.position_after_power_up"),
+      "one_of_several counts turns of the joint, which a slide has none of; write unknown");
+}
+
 void check_drive(const Joint& joint, const Bus& bus, std::size_t i, Checker& checker) {
   const Drive& drive = joint.drive;
   checker.require(drive.protocol != DriveProtocol::moteus || bus.fd, joint_path(i, "bus"),
@@ -101,6 +110,7 @@ void check_drive(const Joint& joint, const Bus& bus, std::size_t i, Checker& che
                   "makes the drive hold a position or speed of its own; a passive joint needs cst");
   checker.require(drive.direction != 0, joint_path(i, "drive.direction"), "0 is no direction; write 1 or -1");
   check_position_after_power_up(drive, i, checker);
+  check_place_of_slide(joint, i, checker);
   if (drive.protocol != DriveProtocol::mit) return;
   const DrivePreset* const preset = find_drive_preset(drive.protocol, drive.model);
   checker.require(preset == nullptr || preset->variant == drive.variant, joint_path(i, "drive.variant"),
@@ -210,24 +220,27 @@ void check_drive_ranges(const Joint& joint, std::size_t i, Checker& checker) {
 void check_limits_and_gains(const Joint& joint, std::size_t i, Checker& checker) {
   const Limits& limits = joint.limits;
   checker.require(limits.velocity_hard >= limits.velocity, joint_path(i, "limits.velocity_hard"),
-                  fmt::format("{} rad/s is below velocity {} rad/s; raise it", limits.velocity_hard, limits.velocity));
+                  fmt::format("{0} {2} is below velocity {1} {2}; raise it", limits.velocity_hard, limits.velocity,
+                              kJointVelocity.unit(joint.kind)));
   checker.require(joint.home >= limits.q_min && joint.home <= limits.q_max, joint_path(i, "home"),
-                  fmt::format("{} rad is outside limits.position [{:.4g}, {:.4g}] rad; move it inside", joint.home,
-                              limits.q_min, limits.q_max));
+                  fmt::format("{0} {3} is outside limits.position [{1:.4g}, {2:.4g}] {3}; move it inside", joint.home,
+                              limits.q_min, limits.q_max, kJointPosition.unit(joint.kind)));
   if (joint.passive) return;
   const double braking = limits.velocity * limits.velocity / (2 * limits.acceleration);
   checker.require(
       braking <= limits.q_max - limits.q_min, joint_path(i, "limits.acceleration"),
-      fmt::format("velocity^2 / (2 * acceleration) = {:.4g} rad of braking exceeds the range of {:.4g} rad; "
+      fmt::format("velocity^2 / (2 * acceleration) = {0:.4g} {2} of braking exceeds the range of {1:.4g} {2}; "
                   "raise it or lower velocity",
-                  braking, limits.q_max - limits.q_min));
+                  braking, limits.q_max - limits.q_min, kJointPosition.unit(joint.kind)));
   checker.require(joint.kp <= limits.kp, joint_path(i, "gains.kp"),
-                  fmt::format("{} exceeds limits.kp {} Nm/rad; lower it or raise the limit", joint.kp, limits.kp));
+                  fmt::format("{} exceeds limits.kp {} {}; lower it or raise the limit", joint.kp, limits.kp,
+                              kJointStiffness.unit(joint.kind)));
   checker.require(joint.kd <= limits.kd, joint_path(i, "gains.kd"),
-                  fmt::format("{} exceeds limits.kd {} Nms/rad; lower it or raise the limit", joint.kd, limits.kd));
-  checker.require(
-      joint.damping <= limits.kd, joint_path(i, "gains.damping"),
-      fmt::format("{} exceeds limits.kd {} Nms/rad; lower it or raise the limit", joint.damping, limits.kd));
+                  fmt::format("{} exceeds limits.kd {} {}; lower it or raise the limit", joint.kd, limits.kd,
+                              kJointDamping.unit(joint.kind)));
+  checker.require(joint.damping <= limits.kd, joint_path(i, "gains.damping"),
+                  fmt::format("{} exceeds limits.kd {} {}; lower it or raise the limit", joint.damping, limits.kd,
+                              kJointDamping.unit(joint.kind)));
 }
 
 void check_link(const Link& link, std::size_t i, Checker& checker) {

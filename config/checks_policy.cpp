@@ -9,6 +9,7 @@
 
 #include "config/checks.hpp"
 #include "config/drive_loop.hpp"
+#include "config/joint_units.hpp"
 #include "config/observation_shape.hpp"
 #include "config/units.hpp"
 #include "executive/contract/image_sample.hpp"
@@ -221,12 +222,13 @@ void check_sampler(const Policy& policy, Checker& checker) {
 void check_speculation(const RobotConfig& robot, const Speculation& speculation, Checker& checker) {
   for (const Joint& joint : robot.joints) {
     const double range = joint.limits.q_max - joint.limits.q_min;
-    checker.require(speculation.position < range / 2, "policy.speculation.position",
-                    fmt::format("is half of joint {}'s range of {} rad or more: every assumption would match; lower it",
-                                joint.name, range));
-    checker.require(joint.passive || speculation.velocity < joint.limits.velocity, "policy.speculation.velocity",
-                    fmt::format("is no less than joint {}'s limit of {} rad/s: every assumption would match; lower it",
-                                joint.name, joint.limits.velocity));
+    checker.require(speculation.position * per_rad(joint) < range / 2, "policy.speculation.position",
+                    fmt::format("is half of joint {}'s range of {} {} or more: every assumption would match; lower it",
+                                joint.name, range, kJointPosition.unit(joint.kind)));
+    checker.require(joint.passive || speculation.velocity * per_rad(joint) < joint.limits.velocity,
+                    "policy.speculation.velocity",
+                    fmt::format("is no less than joint {}'s limit of {} {}: every assumption would match; lower it",
+                                joint.name, joint.limits.velocity, kJointVelocity.unit(joint.kind)));
   }
 }
 
@@ -346,6 +348,8 @@ void check_policy(const RobotConfig& robot, Checker& checker) {
   check_action(robot, policy.action, checker);
   if (policy.monitors) check_monitors(*policy.monitors, checker);
   if (policy.sampler) check_sampler(policy, checker);
+  checker.require(policy.action.offset != OffsetKind::values || !has_slides(robot), "policy.action.offset",
+                  "is a list of angles, and a joint slides; write zero, home or measured");
   if (policy.speculation) check_speculation(robot, *policy.speculation, checker);
 }
 

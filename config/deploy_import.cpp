@@ -9,6 +9,7 @@
 #include <optional>
 #include <set>
 
+#include "config/joint_units.hpp"
 #include "config/reader.hpp"
 #include "config/robot_text.hpp"
 #include "config/units.hpp"
@@ -28,9 +29,19 @@ std::string joint_name(const ImportOptions& options, std::size_t index) {
 }
 
 constexpr const char* kUnfilled = "FILL_IN";
-constexpr double kMadeUpTorque = 200;                                 // Nm
-constexpr double kMadeUpVelocity = 40, kMadeUpAcceleration = 20'000;  // rad/s, rad/s2
+constexpr double kMadeUpTorque = 200;                             // Nm
+constexpr double kMadeUpVelocity = 40, kMadeUpHardVelocity = 55;  // rad/s
+constexpr double kMadeUpAcceleration = 20'000;                    // rad/s2
+constexpr double kMadeUpForce = 100, kMadeUpWay = 1;              // N; m to both sides
 constexpr double kFullTorqueIn_s = 0.02;
+constexpr double kTorqueThatMoves = 0.9;  // of the whole
+constexpr double kBrakesWithin = 0.25;    // of the way between the limits
+
+// Of a made-up drive: what its packed fields span, and a pinion of 10 mm, or as large as the way asks for.
+constexpr double kDriveReach = 12.5, kDriveSpeed = 60;  // rad, rad/s
+constexpr double kMadeUpGear = 100;                     // rad/m
+constexpr double kSlideMargin = 0.01;                   // m
+constexpr double kRoom = 1.01;                          // of ranges over what is asked of them
 
 std::string one_or_list(const std::vector<double>& values) {
   if (values.empty()) return kUnfilled;
@@ -93,16 +104,60 @@ SimulatedBuses buses_for(std::size_t joints) {
   }
 }
 
-// One drive for all: its packed fields span what the strongest joint needs.
-std::string simulated_drive_text(const DeployFile& deploy, const ModelFacts& model, double without) {
-  double torque = 0;
-  for (const ModelJoint& joint : model.joints) torque = std::max(torque, joint.torque.value_or(without));
+// A joint as the model has it, with its gains.
+struct ImportedJoint {
+  ModelJoint known;
+  bool is_in_model = false;
+  std::string name;  // here
+  double stiffness = 0, damping = 0;
+  [[nodiscard]] bool slides() const { return known.kind == JointKind::slide; }
+};
+
+double or_zero(const std::vector<double>& list, std::size_t joint) {
+  return joint < list.size() && !std::isnan(list[joint]) ? list[joint] : 0;
+}
+
+// rad/m
+double made_up_gear(const ModelJoint& slide) {
+  const auto [low, high] = slide.position.value_or(std::pair{-kMadeUpWay, kMadeUpWay});
+  const double farthest = std::max(std::abs(low), std::abs(high)) + kSlideMargin;
+  return std::min(kMadeUpGear, std::floor(10 * kDriveReach / kRoom / farthest) / 10);
+}
+
+double made_up_torque(JointKind kind) {
+  return kind == JointKind::slide ? kMadeUpForce : kMadeUpTorque;
+}
+
+// One drive for all hinges: its packed fields span what the strongest joint needs.
+std::string simulated_drive_text(const std::vector<ImportedJoint>& joints, double without) {
+  double torque = 0, stiffness = 500, damping = 5;
+  for (const ImportedJoint& joint : joints) {
+    if (joint.slides()) continue;
+    torque = std::max(torque, joint.known.torque.value_or(without));
+    stiffness = std::max(stiffness, joint.stiffness);
+    damping = std::max(damping, joint.damping);
+  }
   return fmt::format(
-      "    drive: {{ protocol: mit, variant: damiao, position_range: 12.5 rad, velocity_range: 60 rad/s, torque_range: "
+      "    drive: {{ protocol: mit, variant: damiao, position_range: {} rad, velocity_range: {} rad/s, torque_range: "
       "{} "
       "Nm, kp_range: {} Nm/rad, kd_range: {} Nms/rad }}\n",
-      torque > 0 ? fmt::format("{:.6g}", torque) : "200", std::max(500.0, std::ranges::max(deploy.stiffness)),
-      std::max(5.0, std::ranges::max(deploy.damping)));
+      kDriveReach, kDriveSpeed, torque > 0 ? fmt::format("{:.6g}", torque) : "200", stiffness, damping);
+}
+
+// One for all slides, whose gears make much of little.
+std::string simulated_slide_drive_text(const std::vector<ImportedJoint>& joints) {
+  double torque = 0, stiffness = 0, damping = 0;
+  for (const ImportedJoint& joint : joints) {
+    if (!joint.slides()) continue;
+    const double gear = made_up_gear(joint.known);
+    torque = std::max(torque, joint.known.torque.value_or(kMadeUpForce) / gear);
+    stiffness = std::max(stiffness, joint.stiffness / (gear * gear));
+    damping = std::max(damping, joint.damping / (gear * gear));
+  }
+  return fmt::format(
+      "    drive: {{ protocol: mit, variant: damiao, position_range: {} rad, velocity_range: {} rad/s, torque_range: "
+      "{:.4g} Nm, kp_range: {:.4g} Nm/rad, kd_range: {:.4g} Nms/rad, position_after_power_up: absolute }}\n",
+      kDriveReach, kDriveSpeed, kRoom * torque, std::max(kRoom * stiffness, 0.01), std::max(kRoom * damping, 1e-4));
 }
 
 // Who takes over when the policy is lost: where it takes a velocity command, the same network, told to stand.
@@ -196,15 +251,33 @@ std::string header_text(const DeployFile& deploy, const ImportOptions& options,
                     duration_or_unfilled(deploy.step_dt));
 }
 
-std::string defaults_text(const DeployFile& deploy, const ImportOptions& options) {
-  if (options.simulated)
-    return "joint_defaults:\n"
-           "  - joints: [\"*\"]\n" +
-           simulated_drive_text(deploy, *options.model, options.policy_file.empty() ? kMadeUpTorque : 0) +
-           fmt::format(
-               "    limits: {{ position_margin: 0.3 rad, target_margin: 2 rad, velocity: {} rad/s, velocity_hard: 55 "
-               "rad/s, acceleration: {} rad/s2, torque_rate: 200000 Nm/s }}\n\n",
-               kMadeUpVelocity, kMadeUpAcceleration);
+std::string names_in_quotes(const std::vector<ImportedJoint>& joints, bool slides) {
+  std::vector<std::string> names;
+  for (const ImportedJoint& joint : joints)
+    if (joint.slides() == slides) names.push_back(in_quotes(joint.name));
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
+std::string simulated_defaults_text(const std::vector<ImportedJoint>& joints, const ImportOptions& options) {
+  const std::string hinges = names_in_quotes(joints, false), slides = names_in_quotes(joints, true);
+  std::string text = "joint_defaults:\n";
+  if (!hinges.empty())
+    text += fmt::format("  - joints: [{}]\n", slides.empty() ? "\"*\"" : hinges) +
+            simulated_drive_text(joints, options.policy_file.empty() ? kMadeUpTorque : 0) +
+            fmt::format(
+                "    limits: {{ position_margin: 0.3 rad, target_margin: 2 rad, velocity: {} rad/s, velocity_hard: {} "
+                "rad/s, acceleration: {} rad/s2, torque_rate: 200000 Nm/s }}\n",
+                kMadeUpVelocity, kMadeUpHardVelocity, kMadeUpAcceleration);
+  if (!slides.empty())
+    text += fmt::format(
+        "  - joints: [{}]   # slides: in metres and newtons\n{}    limits: {{ position_margin: {} m, target_margin: {} "
+        "m }}\n",
+        slides, simulated_slide_drive_text(joints), kSlideMargin, kMadeUpWay);
+  return text + "\n";
+}
+
+std::string defaults_text(const std::vector<ImportedJoint>& joints, const ImportOptions& options) {
+  if (options.simulated) return simulated_defaults_text(joints, options);
   return "joint_defaults:   # what differs between joints goes to the joint\n"
          "  - joints: [\"*\"]\n"
          "    drive: { protocol: FILL_IN, variant: FILL_IN, model: FILL_IN }\n"
@@ -233,57 +306,102 @@ const ModelJoint* find_in_model(const ImportOptions& options, const std::string&
   return found == options.model->joints.end() ? nullptr : &*found;
 }
 
+std::vector<ImportedJoint> joints_of(const DeployFile& deploy, const ImportOptions& options) {
+  std::vector<ImportedJoint> joints;
+  for (std::size_t j = 0; j < deploy.robot_joint.size(); ++j) {
+    const std::string name = joint_name(options, j);
+    const ModelJoint* const known = find_in_model(options, options.joint_names.empty() ? name : options.joint_names[j]);
+    joints.push_back({.known = known == nullptr ? ModelJoint{} : *known,
+                      .is_in_model = known != nullptr,
+                      .name = name,
+                      .stiffness = or_zero(deploy.stiffness, j),
+                      .damping = or_zero(deploy.damping, j)});
+  }
+  return joints;
+}
+
 // A simulated robot without a policy needs none that is known.
 std::string torque_text(const ModelJoint& joint, const DeployFile& deploy, std::size_t index,
                         const ImportOptions& options) {
-  if (!joint.torque && index < deploy.torque.size()) return listed_or_unfilled(deploy.torque, index, "Nm");
+  const std::string_view unit = kJointTorque.unit(joint.kind);
+  if (!joint.torque && index < deploy.torque.size()) return listed_or_unfilled(deploy.torque, index, unit);
   const bool is_made_up = options.simulated && options.policy_file.empty() && !joint.torque;
-  return or_unfilled(is_made_up ? std::optional(kMadeUpTorque) : joint.torque, "Nm");
+  return or_unfilled(is_made_up ? std::optional(made_up_torque(joint.kind)) : joint.torque, unit);
+}
+
+// Where the model sets no limit a simulated robot has one all the same.
+std::optional<double> end_of(const ModelJoint& joint, bool high, const ImportOptions& options) {
+  if (joint.position) return high ? joint.position->second : joint.position->first;
+  if (!options.simulated) return std::nullopt;
+  const double far = joint.kind == JointKind::slide ? kMadeUpWay : 2 * kHalfTurn;
+  return high ? far : -far;
+}
+
+// What a simulated robot's drive can do there.
+struct MadeUpMotion {
+  double velocity, acceleration;
+};
+MadeUpMotion made_up_motion(const ModelJoint& joint, const ImportOptions& options) {
+  const double gear = joint.kind == JointKind::slide ? made_up_gear(joint) : 1;
+  const double torque = joint.torque.value_or(made_up_torque(joint.kind));
+  const double most = kMadeUpAcceleration / gear;
+  const double acceleration = joint.inertia * most > torque ? kTorqueThatMoves * torque / joint.inertia : most;
+  const double way = end_of(joint, true, options).value_or(0) - end_of(joint, false, options).value_or(0);
+  return {std::min(kMadeUpVelocity / gear, std::sqrt(2 * acceleration * kBrakesWithin * way)), acceleration};
 }
 
 // Without a policy that was trained beyond them, a simulated robot has the model's speed, and what its torque can do.
+// So has a slide always: what its made-up drive can do is its gear's.
 std::string own_limits_text(const ModelJoint& joint, const ImportOptions& options) {
-  if (options.simulated && !options.policy_file.empty()) return {};
+  const bool slides = joint.kind == JointKind::slide;
+  if (options.simulated && !options.policy_file.empty() && !slides) return {};
+  const std::string_view speed_unit = kJointVelocity.unit(joint.kind);
+  if (!options.simulated)
+    return joint.velocity ? fmt::format("velocity: {:.6g} {}, ", *joint.velocity, speed_unit) : "";
+  const double gear = slides ? made_up_gear(joint) : 1;
+  const MadeUpMotion motion = made_up_motion(joint, options);
   std::string text;
-  if (joint.velocity && (!options.simulated || *joint.velocity < kMadeUpVelocity))
-    text += fmt::format("velocity: {:.6g} rad/s, ", *joint.velocity);
-  if (!options.simulated) return text;
-  const double torque = joint.torque.value_or(kMadeUpTorque);
-  if (joint.inertia * kMadeUpAcceleration > torque)
-    text += fmt::format("acceleration: {:.3g} rad/s2, ", 0.9 * torque / joint.inertia);
-  return text + fmt::format("torque_rate: {:.6g} Nm/s, ", torque / kFullTorqueIn_s);
+  if (joint.velocity && *joint.velocity < motion.velocity)
+    text += fmt::format("velocity: {:.6g} {}, ", *joint.velocity, speed_unit);
+  else if (slides || motion.velocity < kMadeUpVelocity)
+    text += fmt::format("velocity: {:.3g} {}, ", motion.velocity, speed_unit);
+  if (slides) text += fmt::format("velocity_hard: {:.3g} {}, ", kMadeUpHardVelocity / gear, speed_unit);
+  if (slides || motion.acceleration < kMadeUpAcceleration)
+    text += fmt::format("acceleration: {:.3g} {}, ", motion.acceleration, kJointAcceleration.unit(joint.kind));
+  const double torque = joint.torque.value_or(made_up_torque(joint.kind));
+  return text + fmt::format("torque_rate: {:.6g} {}, ", torque / kFullTorqueIn_s, kJointTorqueRate.unit(joint.kind));
 }
 
-std::string joints_text(const DeployFile& deploy, const ImportOptions& options) {
-  const std::size_t joints = deploy.robot_joint.size();
+std::string joints_text(const std::vector<ImportedJoint>& joints, const DeployFile& deploy,
+                        const ImportOptions& options) {
   std::vector<double> home(deploy.default_position.size());
   for (std::size_t k = 0; k < home.size(); ++k) home[deploy.robot_joint[k]] = deploy.default_position[k];
   std::string text = fmt::format("joints:   # in the robot's order; kp and kd limits are the {} gains\n",
                                  options.policy_file.empty() ? "model's or made-up" : "deployed");
-  for (std::size_t j = 0; j < joints; ++j) {
-    const std::string name = joint_name(options, j);
-    const std::string there = options.joint_names.empty() ? name : options.joint_names[j];
-    const ModelJoint* const in_model = find_in_model(options, there);
-    const ModelJoint known = in_model == nullptr ? ModelJoint{} : *in_model;
-    const Wiring wiring = wiring_of(j, joints, options.simulated);
-    const auto end = [&](bool high) -> std::optional<double> {
-      if (known.position) return high ? known.position->second : known.position->first;
-      if (options.simulated) return high ? 2 * kHalfTurn : -2 * kHalfTurn;  // the model sets no limit
-      return std::nullopt;
-    };
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const ModelJoint& known = joints[j].known;
+    const Wiring wiring = wiring_of(j, joints.size(), options.simulated);
+    const auto unit = [&](const JointQuantity& quantity) { return quantity.unit(known.kind); };
+    const std::string gear = !joints[j].slides()
+                                 ? ""
+                                 : ", gear_ratio: " + (options.simulated ? fmt::format("{} rad/m", made_up_gear(known))
+                                                                         : std::string(kUnfilled));
     text += fmt::format(
         "  - name: {0}\n"
+        "{12}"
         "    bus: {1}\n"
-        "    drive: {{ id: {2}, reply_id: {3} }}\n"
+        "    drive: {{ id: {2}, reply_id: {3}{13} }}\n"
         "    limits: {{ position: [{4}, {5}], {6}torque: {7}, kp: {8}, kd: {9} }}\n"
         "    gains: {{ kp: {8}, kd: {9}, damping: {9} }}\n"
         "    inertia: {10}\n"
         "    home: {11}\n",
-        name, wiring.bus, wiring.id, wiring.reply_id, or_unfilled(end(false), "rad"), or_unfilled(end(true), "rad"),
-        own_limits_text(known, options), torque_text(known, deploy, j, options),
-        listed_or_unfilled(deploy.stiffness, j, "Nm/rad"), listed_or_unfilled(deploy.damping, j, "Nms/rad"),
-        or_unfilled(in_model == nullptr ? std::nullopt : std::optional(known.inertia), "kgm2"),
-        listed_or_unfilled(home, j, "rad"));
+        joints[j].name, wiring.bus, wiring.id, wiring.reply_id,
+        or_unfilled(end_of(known, false, options), unit(kJointPosition)),
+        or_unfilled(end_of(known, true, options), unit(kJointPosition)), own_limits_text(known, options),
+        torque_text(known, deploy, j, options), listed_or_unfilled(deploy.stiffness, j, unit(kJointStiffness)),
+        listed_or_unfilled(deploy.damping, j, unit(kJointDamping)),
+        or_unfilled(joints[j].is_in_model ? std::optional(known.inertia) : std::nullopt, unit(kJointInertia)),
+        listed_or_unfilled(home, j, unit(kJointPosition)), joints[j].slides() ? "    kind: slide\n" : "", gear);
   }
   return text;
 }
@@ -433,7 +551,7 @@ std::string policy_text(const DeployFile& deploy, const ImportOptions& options) 
 std::string count_problem(std::size_t in_model, std::size_t moved) {
   if (in_model == moved) return {};
   return fmt::format(
-      "the model has {} hinges, the policy moves {}: take the model of the robot that it was trained for, or name "
+      "the model has {} joints, the policy moves {}: take the model of the robot that it was trained for, or name "
       "the joints with --joint-names",
       in_model, moved);
 }
@@ -446,7 +564,7 @@ MotorOrder motor_order(const ModelFacts& model) {
   if (model.motors == order.joints || model.motors.empty()) return order;
   if (model.motors.size() != order.joints.size()) {
     order.remark = fmt::format(
-        "motors are numbered as the model's bodies stand: {} of its {} hinges have an actuator. If the maker numbers "
+        "motors are numbered as the model's bodies stand: {} of its {} joints have an actuator. If the maker numbers "
         "them otherwise, name the joints in that order with --joint-names",
         model.motors.size(), order.joints.size());
     return order;
@@ -496,7 +614,9 @@ std::expected<std::string, std::string> import_deploy_file(const DeployFile& dep
   if (options.simulated && deploy.step_dt.ns == 0)
     return std::unexpected(
         "a simulated robot needs the policy's period, which this export does not say; name it by --period");
-  return header_text(deploy, options, remarks) + defaults_text(deploy, options) + joints_text(deploy, options) +
+  const std::vector<ImportedJoint> imported = joints_of(deploy, options);
+  return header_text(deploy, options, remarks) + defaults_text(imported, options) +
+         joints_text(imported, deploy, options) +
          (options.policy_file.empty() ? "" : sensors_text(deploy, options.simulated) + policy_text(deploy, options)) +
          (options.simulated ? simulation_text(options) + kBeforeARealRobot : "") +
          (options.policy_file.empty() ? kNoPolicy : "");

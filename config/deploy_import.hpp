@@ -31,7 +31,7 @@ struct ImportOptions {
 // first.
 struct MotorOrder {
   std::vector<std::string> joints;
-  std::string remark;  // one sentence where the two differ, or where only some hinges have an actuator; else empty
+  std::string remark;  // one sentence where the two differ, or where only some joints have an actuator; else empty
 };
 MotorOrder motor_order(const ModelFacts& model);
 

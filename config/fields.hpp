@@ -31,6 +31,13 @@ struct Key {
   // one_of: not empty: a word is the name of a thing outside of the file. An unknown one is answered with the known
   // ones and this way to go on, never with the nearest name: that is another thing.
   std::string_view if_unknown{};
+  // What the key's values are in where the joint is of the other kind, and what makes it so: "write `kind: slide`".
+  struct Other {
+    Dimension dimension;
+    std::string_view cure;
+  };
+  std::optional<Other> other{};
+  std::span<const Dimension> each{};  // quantities: of each value; empty: all are in one dimension
 };
 
 struct Range {

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -26,12 +27,20 @@ Json plain_number(Range range) {
   return {{"anyOf", {number, {{"type", "string"}, {"pattern", fmt::format("^{}$", kNumber)}}}}};
 }
 
-Json value_of(Dimension dimension, Range range) {
-  if (dimension == Dimension::none) return plain_number(range);
+Json quantity_in(std::initializer_list<Dimension> dimensions) {
   std::string unit;
-  for (const Unit& one : units())
-    if (one.dimension == dimension) unit += (unit.empty() ? "" : "|") + std::string(one.symbol);
+  for (const Dimension dimension : dimensions)
+    for (const Unit& one : units())
+      if (one.dimension == dimension) unit += (unit.empty() ? "" : "|") + std::string(one.symbol);
   return {{"type", "string"}, {"pattern", fmt::format("^{} ?({})$", kNumber, unit)}};
+}
+
+// Which of two units it is, the joint's kind decides, and `takt config check`.
+Json value_of(const Key& key, Dimension dimension, Range range) {
+  if (dimension == Dimension::none)
+    return key.other ? Json{{"anyOf", {plain_number(range), quantity_in({key.other->dimension})}}}
+                     : plain_number(range);
+  return key.other ? quantity_in({dimension, key.other->dimension}) : quantity_in({dimension});
 }
 
 Json list_of(Json items, std::size_t least, std::size_t most) {
@@ -65,9 +74,11 @@ class SchemaMaker final : public Fields {
   const Json& required() const { return required_; }
 
   void quantity(const Key& key, double&, Dimension dimension, Range range) override {
-    add(key, value_of(dimension, range));
+    add(key, value_of(key, dimension, range));
   }
-  void duration(const Key& key, Duration&, Duration, Duration) override { add(key, value_of(Dimension::time, {})); }
+  void duration(const Key& key, Duration&, Duration, Duration) override {
+    add(key, value_of(key, Dimension::time, {}));
+  }
   void whole(const Key& key, std::int64_t&, std::int64_t low, std::int64_t high) override {
     add(key, integer(low, high));
   }
@@ -82,18 +93,18 @@ class SchemaMaker final : public Fields {
   }
   void quantities(const Key& key, std::vector<double>&, Dimension dimension, Range range, Count count) override {
     const bool is_counted = count.of != "joint";
-    Json list = list_of(value_of(dimension, range), is_counted ? count.low : 0, is_counted ? count.high : 0);
-    add(key, count.single_allowed ? any_of(value_of(dimension, range), std::move(list)) : std::move(list));
+    Json list = list_of(value_of(key, dimension, range), is_counted ? count.low : 0, is_counted ? count.high : 0);
+    add(key, count.single_allowed ? any_of(value_of(key, dimension, range), std::move(list)) : std::move(list));
   }
   void interval(const Key& key, double&, double&, Dimension dimension, Range range) override {
-    add(key, list_of(value_of(dimension, range), 2, 2));
+    add(key, list_of(value_of(key, dimension, range), 2, 2));
   }
   void names(const Key& key, std::vector<std::string>&, Words, std::string_view) override {
     add(key, list_of({{"type", "string"}}, 0, 0));
   }
   void word_or_quantities(const Key& key, std::size_t&, Words words, std::vector<double>&, Dimension dimension,
                           Range range, Count) override {
-    add(key, any_of(word_of(words, {}), list_of(value_of(dimension, range), 0, 0)));
+    add(key, any_of(word_of(words, {}), list_of(value_of(key, dimension, range), 0, 0)));
   }
   void section(const Key& key, const Body& body) override { add(key, below(body)); }
   void optional_section(const Key& key, bool&, const Body& body) override {

@@ -23,8 +23,9 @@ std::string range_symbols(Range range) {
   return high.empty() || range.high_open ? high : "≤ " + high;
 }
 
-std::string unit_text(Dimension dimension) {
-  return dimension == Dimension::none ? "number" : fmt::format("{}", symbols(dimension));
+std::string unit_text(const Key& key, Dimension dimension) {
+  const std::string units = dimension == Dimension::none ? "number" : symbols(dimension);
+  return key.other ? fmt::format("{} (slide: {})", units, symbols(key.other->dimension)) : units;
 }
 
 // One row per key; sections give a row and a longer path.
@@ -34,7 +35,7 @@ class TableMaker final : public Fields {
 
   void quantity(const Key& key, double&, Dimension dimension, Range range) override {
     const std::string bounds = range_symbols(range);
-    row(key, dimension == Dimension::none && !bounds.empty() ? bounds : joined(unit_text(dimension), bounds));
+    row(key, dimension == Dimension::none && !bounds.empty() ? bounds : joined(unit_text(key, dimension), bounds));
   }
   void duration(const Key& key, Duration&, Duration low, Duration high) override {
     row(key, fmt::format("{} to {}", format_duration(low), format_duration(high)));
@@ -58,17 +59,17 @@ class TableMaker final : public Fields {
                              : count.of == "axis"   ? "list of 3"
                              : count.single_allowed ? "one value or a list"
                                                     : "list";
-    row(key, joined(fmt::format("{}, {}", list, unit_text(dimension)), range_symbols(range)));
+    row(key, joined(fmt::format("{}, {}", list, unit_text(key, dimension)), range_symbols(range)));
   }
   void interval(const Key& key, double&, double&, Dimension dimension, Range) override {
-    row(key, fmt::format("[min, max], {}", unit_text(dimension)));
+    row(key, fmt::format("[min, max], {}", unit_text(key, dimension)));
   }
   void names(const Key& key, std::vector<std::string>&, Words, std::string_view what) override {
     row(key, fmt::format("names of {}s", what));
   }
   void word_or_quantities(const Key& key, std::size_t&, Words words, std::vector<double>&, Dimension dimension, Range,
                           Count) override {
-    row(key, fmt::format("{}, or a list, {}", fmt::join(words, ", "), unit_text(dimension)));
+    row(key, fmt::format("{}, or a list, {}", fmt::join(words, ", "), unit_text(key, dimension)));
   }
   void section(const Key& key, const Body& body) override {
     row(key, "section");

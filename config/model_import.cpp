@@ -13,13 +13,15 @@ namespace takt::config {
 namespace {
 
 constexpr double kFullTorqueAt = 0.2;            // rad off
+constexpr double kFullForceAt = 0.005;           // m off
 constexpr double kSlowest = 30, kFastest = 100;  // rad/s, of a joint on its made-up spring
 constexpr double kDampingTime = 0.05;            // s, of the spring
 
 // Of a joint alone: a spring that its torque fits, and that a loop of 1 ms can hold.
 double stiffness_of(const ModelJoint& joint) {
   const double low = joint.inertia * kSlowest * kSlowest, high = joint.inertia * kFastest * kFastest;
-  return joint.torque ? std::clamp(*joint.torque / kFullTorqueAt, low, high) : high;
+  const double full_at = joint.kind == JointKind::slide ? kFullForceAt : kFullTorqueAt;
+  return joint.torque ? std::clamp(*joint.torque / full_at, low, high) : high;
 }
 
 double damping_of(const ModelJoint& joint) {
@@ -35,7 +37,7 @@ double rounded(double value) {
 
 std::expected<std::string, std::string> robot_of_model(ImportOptions options) {
   ModelFacts& model = *options.model;
-  if (model.joints.empty()) return std::unexpected("the model has no hinge that a drive could move");
+  if (model.joints.empty()) return std::unexpected("the model has no hinge or slide that a drive could move");
   if (model.joints.size() > kMaxJoints)
     return std::unexpected(
         fmt::format("the model has {} joints, a robot file {} at most; take out those that no drive "

@@ -138,7 +138,8 @@ std::optional<double> Reader::read_quantity(const Node& node, const Key& key, Di
   }
   const auto value = parse_quantity(node.text, dimension);
   if (!value) {
-    complain(node, key, value.error());
+    const bool is_of_other = key.other && !key.other->cure.empty() && parse_quantity(node.text, key.other->dimension);
+    complain(node, key, is_of_other ? fmt::format("{}, or {}", value.error(), key.other->cure) : value.error());
     return std::nullopt;
   }
   if (!range.contains(*value)) {
@@ -286,7 +287,9 @@ void Reader::read_list(const Node& node, const Key& key, std::vector<double>& va
                                                                 : "s"),
                                count.of)
                  : fmt::format("has {} values; write {} to {}", node.items.size(), count.low, count.high));
-  for (const Node& item : node.items) values.push_back(read_quantity(item, key, dimension, range).value_or(0));
+  for (std::size_t i = 0; i < node.items.size(); ++i)
+    values.push_back(
+        read_quantity(node.items[i], key, i < key.each.size() ? key.each[i] : dimension, range).value_or(0));
 }
 
 void Reader::quantities(const Key& key, std::vector<double>& values, Dimension dimension, Range range, Count count) {

@@ -25,6 +25,8 @@ enum class Cia402VelocityUnit : std::uint8_t { counts_per_s, rpm, tenth_rpm, hun
 enum class PositionAfterPowerUp : std::uint8_t { absolute, unknown, one_of_several, within_a_turn };
 enum class WakeMode : std::uint8_t { sleep, hybrid };
 enum class WhenBusMissing : std::uint8_t { refuse, loopback };
+// A slide's numbers are in metres and newtons where a hinge's are in radians and newton metres (joint_units.hpp).
+enum class JointKind : std::uint8_t { hinge, slide };
 enum class Degraded : std::uint8_t { hold, slow, fallback };
 enum class FallbackKind : std::uint8_t { pose, state_feedback, policy };
 enum class StopHow : std::uint8_t { rest, damping, hold, policy };
@@ -89,6 +91,7 @@ struct Fallback {
   FallbackKind kind = FallbackKind::pose;
   std::vector<double> pose;        // rad, one per joint; pose and state_feedback
   double speed = 0;                // rad/s; pose only
+  double slide_speed = 0;          // m/s, of joints that slide; pose only
   std::string shown_by;            // attestation that a robot which can fall stands by it; "none": there is none
   std::vector<FeedbackRow> gains;  // state_feedback only, one per driven joint
   std::string file;                // policy only; none: the policy's own
@@ -156,7 +159,7 @@ struct Drive {
   std::uint32_t id = 0;     // mit: CAN id of commands; the others: node, motor or device number
   int direction = 1;        // +1 or -1
   double offset = 0;        // rad, joint side: q_joint = direction * q_motor / gear_ratio + offset
-  double gear_ratio = 1;    // motor turns per joint turn beyond what the drive already accounts for
+  double gear_ratio = 1;    // motor turns per joint turn beyond what the drive already accounts for; slide: rad/m
   double torque_range = 0;  // Nm, motor side: no frame ever asks for more
   // mit, robstride: what the packed fields span, motor side; from the model unless given.
   std::string model;  // empty when the ranges are given in full
@@ -199,8 +202,10 @@ struct Limits {
   std::optional<TemperatureLimits> temperature{};
 };
 
+// Units are a hinge's.
 struct Joint {
   std::string name;
+  JointKind kind = JointKind::hinge;
   std::size_t bus = 0;   // index into buses
   bool passive = false;  // an encoder read like a drive, and nothing that could move it: no gains, no torque
   Drive drive;
@@ -560,6 +565,12 @@ inline const Fallback* fallback_policy_of(const RobotConfig& robot) {
   for (const Fallback& fallback : robot.fallbacks)
     if (fallback.name == robot.degraded.fallback && fallback.kind == FallbackKind::policy) return &fallback;
   return nullptr;
+}
+
+// What one radian in a key of all joints is of this one: 1 of a hinge, and of a slide the metres by which a radian of
+// its motor moves it.
+inline double per_rad(const Joint& joint) {
+  return joint.kind == JointKind::slide ? 1 / joint.drive.gear_ratio : 1;
 }
 
 inline std::vector<WatchdogWaiver> watchdog_waivers(const RobotConfig& robot) {

@@ -16,13 +16,13 @@ inline constexpr std::int64_t kDefaultsRevision = 1;
 void describe(Fields& fields, RobotConfig& robot);
 
 // Parts of it, by topic.
-void describe_timing(Fields& fields, RobotConfig& robot);       // control, freshness, feedback, bus_faults
-void describe_machine(Fields& fields, RobotConfig& robot);      // buses, joints, model, safety
-void describe_drive(Fields& fields, Drive& drive);              // joints[].drive
-void describe_bus(Fields& fields, Bus& bus);                    // buses[]
-void describe_physics(Fields& fields, Simulation& simulation);  // simulation, without camera and target
-void describe_policy(Fields& fields, RobotConfig& robot);       // sensors, policy, fallbacks, degraded
-void describe_evidence(Fields& fields, RobotConfig& robot);     // record, dds, simulation
+void describe_timing(Fields& fields, RobotConfig& robot);           // control, freshness, feedback, bus_faults
+void describe_machine(Fields& fields, RobotConfig& robot);          // buses, joints, model, safety
+void describe_drive(Fields& fields, Drive& drive, JointKind kind);  // joints[].drive
+void describe_bus(Fields& fields, Bus& bus);                        // buses[]
+void describe_physics(Fields& fields, Simulation& simulation);      // simulation, without camera and target
+void describe_policy(Fields& fields, RobotConfig& robot);           // sensors, policy, fallbacks, degraded
+void describe_evidence(Fields& fields, RobotConfig& robot);         // record, dds, simulation
 
 std::vector<std::string_view> joint_names(const RobotConfig& robot);
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "config/drive_presets.hpp"
+#include "config/joint_keys.hpp"
 #include "config/schema.hpp"
 #include "config/turns.hpp"
 
@@ -149,7 +150,7 @@ void describe_own_units(Fields& fields, Drive& drive, const Speaks& speaks) {
 
 }  // namespace
 
-void describe_drive(Fields& fields, Drive& drive) {
+void describe_drive(Fields& fields, Drive& drive, JointKind kind) {
   if (!fields.choice({"protocol", "protocol of the drive"}, drive.protocol, kProtocols)) return fields.leave_the_rest();
   const Speaks speaks(fields, drive.protocol);
   if (speaks.any_of({DriveProtocol::mit}))
@@ -189,10 +190,15 @@ void describe_drive(Fields& fields, Drive& drive) {
     describe_position_after_power_up(fields, drive);
   fields.integer({"direction", "1 or -1: q_joint = direction * q_motor / gear_ratio + offset", "1"}, drive.direction,
                  -1, 1);
-  fields.quantity({"offset", "joint angle where the motor reads zero", "0 rad"}, drive.offset, Dimension::angle,
-                  between(-100, 100));
-  fields.quantity({"gear_ratio", "motor turns per joint turn that the drive does not account for", "1"},
-                  drive.gear_ratio, Dimension::none, above(0, 1000));
+  const JointKeys keys(fields, kind);
+  keys.quantity({"offset", "joint angle where the motor reads zero", {{"0 rad", "0 m"}}}, drive.offset, kJointPosition,
+                between(-100, 100));
+  constexpr std::string_view kDoc =
+      "motor turns per joint turn that the drive does not account for; slide, required: 1 / (pinion radius), or 2 pi / "
+      "(lead of a screw)";
+  JointKey gear{"gear_ratio", kDoc};
+  if (kind == JointKind::hinge) gear.otherwise = {"1", ""};
+  keys.quantity(gear, drive.gear_ratio, kJointGear, {above(0, 1000), above(0, 1e6)});
   if (has_packed_ranges(drive.protocol) || fields.shows_all()) describe_packed_ranges(fields, drive);
   describe_own_units(fields, drive, speaks);
 }

@@ -67,12 +67,13 @@ void describe_mujoco(Fields& fields, MujocoWorld& world) {
 void describe_physics(Fields& fields, Simulation& simulation) {
   fields.duration({"step", "integration step of the dynamics", "1 ms"}, simulation.step, microseconds(10),
                   milliseconds(10));
-  fields.section({"joint_friction", "friction of every driven joint", "{}"}, [&](Fields& f) {
+  fields.section({"joint_friction", "friction of every driven joint, of a slide at its motor", "{}"}, [&](Fields& f) {
     f.quantity({"viscous", "per speed", "0 Nms/rad"}, simulation.viscous, Dimension::damping, between(0, 1e3));
     f.quantity({"coulomb", "against motion", "0 Nm"}, simulation.coulomb, Dimension::torque, between(0, 1e3));
   });
-  fields.quantity({"encoder_step", "resolution of the simulated encoders; 0 rad: exact", "0 rad"},
-                  simulation.encoder_step, Dimension::angle, between(0, 1));
+  fields.quantity(
+      {"encoder_step", "resolution of the simulated encoders, of a slide at its motor; 0 rad: exact", "0 rad"},
+      simulation.encoder_step, Dimension::angle, between(0, 1));
   fields.duration({"torque_delay", "from command to torque", "0 ms"}, simulation.torque_delay, {}, seconds(1));
   fields.duration({"drive_watchdog", "a simulated drive disables itself after this long without a command", "100 ms"},
                   simulation.drive_watchdog, milliseconds(1), seconds(10));

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "config/joint_defaults.hpp"
+#include "config/joint_keys.hpp"
 #include "config/schema.hpp"
 #include "executive/contract/joints.hpp"
 
@@ -14,6 +15,7 @@ constexpr std::array<std::string_view, 2> kWhenMissing{"refuse", "loopback"};
 constexpr std::array<std::string_view, 2> kTorqueOutputs{"gpio", "file"};
 constexpr std::array<std::string_view, 2> kLevels{"high", "low"};
 constexpr std::array<std::string_view, 2> kOnJointFault{"keep", "drop"};
+constexpr std::array<std::string_view, 2> kJointKinds{"hinge", "slide"};
 
 }  // namespace
 
@@ -54,17 +56,24 @@ void describe_temperature(Fields& fields, TemperatureLimits& limits) {
   one("casing_stop", "mit (damiao), odrive, moteus: stop of casing or output stage", limits.casing_stop);
 }
 
+// Of a gear of many rad/m a slide's numbers become large: stiffness with its square.
+constexpr JointRange kTorques{above(0, 1e5), above(0, 1e7)}, kTorqueRates{above(0, 1e8), above(0, 1e10)},
+    kStiffnesses{between(0, 1e5), between(0, 1e11)}, kDampings{between(0, 1e4), between(0, 1e10)},
+    kSomeDampings{above(0, 1e4), above(0, 1e10)}, kInertias{above(0, 1e4), above(0, 1e7)},
+    kMostInertias{between(0, 1e4), between(0, 1e7)};
+
 // A passive joint has the limits of what is measured only.
-void describe_limits(Fields& fields, Limits& limits, bool passive) {
+void describe_limits(Fields& fields, Limits& limits, JointKind kind, bool passive) {
   const bool commanded = !passive || fields.shows_all();
-  fields.interval({"position", "lowest and highest joint angle"}, limits.q_min, limits.q_max, Dimension::angle,
-                  between(-1000, 1000));
-  fields.quantity({"position_margin", "a measured angle further outside causes a damped stop; drives keep power"},
-                  limits.position_margin, Dimension::angle, between(0, 10));
-  fields.quantity({"velocity", "largest reference velocity; faster motion blocks arming"}, limits.velocity,
-                  Dimension::angular_velocity, above(0, 1000));
-  fields.quantity({"velocity_hard", "a higher measured velocity causes a damped stop; drives keep power"},
-                  limits.velocity_hard, Dimension::angular_velocity, above(0, 1000));
+  const JointKeys keys(fields, kind);
+  keys.interval({"position", "lowest and highest joint angle"}, limits.q_min, limits.q_max, kJointPosition,
+                between(-1000, 1000));
+  keys.quantity({"position_margin", "a measured angle further outside causes a damped stop; drives keep power"},
+                limits.position_margin, kJointPosition, between(0, 10));
+  keys.quantity({"velocity", "largest reference velocity; faster motion blocks arming"}, limits.velocity,
+                kJointVelocity, above(0, 1000));
+  keys.quantity({"velocity_hard", "a higher measured velocity causes a damped stop; drives keep power"},
+                limits.velocity_hard, kJointVelocity, above(0, 1000));
   bool looks_at_temperature = limits.temperature.has_value();
   fields.optional_section({"temperature", "limits of the drive's temperature; a drive that reports none is not armed"},
                           looks_at_temperature, [&](Fields& f) {
@@ -72,49 +81,60 @@ void describe_limits(Fields& fields, Limits& limits, bool passive) {
                             describe_temperature(f, *limits.temperature);
                           });
   if (!commanded) return;
-  fields.quantity(
-      {"target_margin", "a target further outside the position limits counts as out of range; every one is clamped",
-       "0.1 rad"},
-      limits.target_margin, Dimension::angle, between(0, 1000));
-  fields.quantity({"acceleration", "largest acceleration and braking deceleration of the reference"},
-                  limits.acceleration, Dimension::angular_acceleration, above(0, 1e5));
-  fields.quantity({"following_error",
-                   "a joint further from its reference for feedback.following_timeout is behind; 0 rad: where its "
-                   "stiffness asks for 90 % of limits.torque",
-                   "0 rad"},
-                  limits.following_error, Dimension::angle, between(0, 1000));
-  fields.quantity({"torque", "largest commanded torque"}, limits.torque, Dimension::torque, above(0, 1e5));
-  fields.quantity({"torque_rate", "largest rate of commanded torque"}, limits.torque_rate, Dimension::torque_rate,
-                  above(0, 1e8));
-  fields.quantity({"kp", "highest stiffness of a policy"}, limits.kp, Dimension::stiffness, between(0, 1e5));
-  fields.quantity({"kd", "highest damping of a policy"}, limits.kd, Dimension::damping, between(0, 1e4));
+  keys.quantity(
+      {"target_margin",
+       "a target further outside the position limits counts as out of range; every one is clamped; slide: 0.005 m",
+       {{"0.1 rad", "0.005 m"}}},
+      limits.target_margin, kJointPosition, between(0, 1000));
+  keys.quantity({"acceleration", "largest acceleration and braking deceleration of the reference"}, limits.acceleration,
+                kJointAcceleration, above(0, 1e5));
+  keys.quantity({"following_error",
+                 "a joint further from its reference for feedback.following_timeout is behind; 0 rad: where its "
+                 "stiffness asks for 90 % of limits.torque",
+                 {{"0 rad", "0 m"}}},
+                limits.following_error, kJointPosition, between(0, 1000));
+  keys.quantity({"torque", "largest commanded torque, of a slide force"}, limits.torque, kJointTorque, kTorques);
+  keys.quantity({"torque_rate", "largest rate of commanded torque"}, limits.torque_rate, kJointTorqueRate,
+                kTorqueRates);
+  keys.quantity({"kp", "highest stiffness of a policy"}, limits.kp, kJointStiffness, kStiffnesses);
+  keys.quantity({"kd", "highest damping of a policy"}, limits.kd, kJointDamping, kDampings);
 }
 
 void describe_stiffness(Fields& fields, Joint& joint) {
   fields.section({"gains", "gains when the policy sends none"}, [&](Fields& f) {
-    f.quantity({"kp", "stiffness"}, joint.kp, Dimension::stiffness, between(0, 1e5));
-    f.quantity({"kd", "damping"}, joint.kd, Dimension::damping, between(0, 1e4));
-    f.quantity({"damping", "damping in a stop or fault"}, joint.damping, Dimension::damping, above(0, 1e4));
+    const JointKeys keys(f, joint.kind);
+    keys.quantity({"kp", "stiffness"}, joint.kp, kJointStiffness, kStiffnesses);
+    keys.quantity({"kd", "damping"}, joint.kd, kJointDamping, kDampings);
+    keys.quantity({"damping", "damping in a stop or fault"}, joint.damping, kJointDamping, kSomeDampings);
   });
-  fields.quantity({"inertia", "lower bound of the effective inertia; the torque barriers use it"}, joint.inertia,
-                  Dimension::inertia, above(0, 1e4));
-  fields.quantity(
-      {"inertia_max", "its upper bound, load included, for braking (docs/design.md); 0: as inertia", "0 kgm2"},
-      joint.inertia_max, Dimension::inertia, between(0, 1e4));
+  const JointKeys keys(fields, joint.kind);
+  keys.quantity({"inertia", "lower bound of the effective inertia; the torque barriers use it"}, joint.inertia,
+                kJointInertia, kInertias);
+  keys.quantity({"inertia_max",
+                 "its upper bound, load included, for braking (docs/design.md); 0: as inertia",
+                 {{"0 kgm2", "0 kg"}}},
+                joint.inertia_max, kJointInertia, kMostInertias);
 }
 
 void describe_joint(Fields& fields, Joint& joint, Words buses) {
   fields.identifier({"name", "unique name of the joint"}, joint.name);
+  if (!fields.choice(
+          {"kind", "hinge: turns, and its keys are in rad and Nm; slide: moves along a line, in m and N", "hinge"},
+          joint.kind, kJointKinds))
+    return fields.leave_the_rest();
   fields.reference({"bus", "name of the bus its drive is on"}, joint.bus, buses, "bus");
   fields.flag({"passive", "true: an encoder without gains and torque", "false"}, joint.passive);
   const bool commanded = !joint.passive || fields.shows_all();
-  fields.section({"drive", "the drive behind the joint"}, [&](Fields& f) { describe_drive(f, joint.drive); });
+  fields.section({"drive", "the drive behind the joint"},
+                 [&](Fields& f) { describe_drive(f, joint.drive, joint.kind); });
   fields.section({"limits", "limits of the joint"},
-                 [&](Fields& f) { describe_limits(f, joint.limits, joint.passive); });
+                 [&](Fields& f) { describe_limits(f, joint.limits, joint.kind, joint.passive); });
   if (commanded) describe_stiffness(fields, joint);
   fields.quantity({"observer_bandwidth", "bandwidth of the velocity observer", "200 rad/s"}, joint.observer_bandwidth,
                   Dimension::angular_velocity, above(0, 1e4));
-  fields.quantity({"home", "zero of relative positions", "0 rad"}, joint.home, Dimension::angle, between(-1000, 1000));
+  JointKeys(fields, joint.kind)
+      .quantity({"home", "zero of relative positions", {{"0 rad", "0 m"}}}, joint.home, kJointPosition,
+                between(-1000, 1000));
 }
 
 // For the key table and the schema; a reader finds the joints filled already (config/joint_defaults.hpp).

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Keys: sensors, imu, policy, fallbacks, degraded, stops.
+#include <algorithm>
 #include <array>
 
 #include "config/join_names.hpp"
+#include "config/joint_units.hpp"
 #include "config/observation_shape.hpp"
 #include "config/schema.hpp"
 #include "executive/contract/joints.hpp"
@@ -172,8 +174,8 @@ void describe_action(Fields& fields, Action& action, Words joints) {
                 action.interpolation, kInterpolations);
   fields.section({"join", "how a new chunk takes over from the played path", "{}"},
                  [&](Fields& f) { describe_join(f, action.join); });
-  fields.quantities({"scale", "factor in rad, rad/s or Nm", "1"}, action.scale, Dimension::none, any_value(),
-                    {.low = 1, .high = kMaxJoints, .single_allowed = true});
+  fields.quantities({"scale", "factor in rad, rad/s or Nm; slide: m, m/s or N", "1"}, action.scale, Dimension::none,
+                    any_value(), {.low = 1, .high = kMaxJoints, .single_allowed = true});
   auto offset = static_cast<std::size_t>(action.offset);
   fields.word_or_quantities(
       {"offset", "home, zero, measured (position in the observation), or an angle per output", "home"}, offset,
@@ -224,8 +226,9 @@ void describe_sampler(Fields& fields, Sampler& sampler) {
 }
 
 void describe_speculation(Fields& fields, Speculation& speculation) {
-  fields.quantity({"position", "largest distance of a joint from where an alternative assumed it"},
-                  speculation.position, Dimension::angle, above(0, 1));
+  fields.quantity(
+      {"position", "largest distance of a joint from where an alternative assumed it; of a slide, of its motor"},
+      speculation.position, Dimension::angle, above(0, 1));
   fields.quantity({"velocity", "the same of its velocity, where assumed"}, speculation.velocity,
                   Dimension::angular_velocity, above(0, 100));
 }
@@ -327,17 +330,28 @@ void describe_fallback_policy(Fields& fields, Fallback& fallback) {
                   fallback.longest, {}, seconds(3600));
 }
 
-void describe_fallback(Fields& fields, Fallback& fallback, Words joints) {
+void describe_fallback(Fields& fields, Fallback& fallback, const RobotConfig& robot) {
+  const std::vector<std::string_view> joints = joint_names(robot);
+  std::vector<Dimension> positions;
+  for (const Joint& joint : robot.joints) positions.push_back(kJointPosition.of(joint.kind));
+  const bool slides = std::ranges::find(positions, kJointPosition.slide) != positions.end();
   fields.choice({"kind",
                  "pose: move to a pose; state_feedback: torque = -gains [q - pose; dq]; policy: a second policy "
                  "(takt-policy-host --fallback)"},
                 fallback.kind, kFallbackKinds);
   if (fallback.kind != FallbackKind::policy || fields.shows_all())
-    fields.quantities({"pose", "pose, state_feedback: one angle per joint"}, fallback.pose, Dimension::angle,
-                      between(-1000, 1000), {.low = joints.size(), .high = joints.size(), .of = "joint"});
+    fields.quantities({.name = "pose",
+                       .doc = "pose, state_feedback: one angle per joint",
+                       .other = Key::Other{Dimension::length, {}},
+                       .each = positions},
+                      fallback.pose, Dimension::angle, between(-1000, 1000),
+                      {.low = joints.size(), .high = joints.size(), .of = "joint"});
   if (fallback.kind == FallbackKind::pose || fields.shows_all())
     fields.quantity({"speed", "pose: joint speed on the way"}, fallback.speed, Dimension::angular_velocity,
                     above(0, 100));
+  if ((fallback.kind == FallbackKind::pose && slides) || fields.shows_all())
+    fields.quantity({"slide_speed", "pose: the same of joints that slide", "0.05 m/s"}, fallback.slide_speed,
+                    Dimension::velocity, above(0, 100));
   if (fallback.kind == FallbackKind::state_feedback || fields.shows_all())
     fields.each({"gains", "state_feedback: one row per driven joint"}, fallback.gains, kMaxJoints,
                 [&](Fields& f, FeedbackRow& row) { describe_feedback_row(f, row, joints); });
@@ -388,7 +402,7 @@ void describe_stop(Fields& fields, StopConfig& stop) {
 
 void describe_policy(Fields& fields, RobotConfig& robot) {
   fields.each_named({"fallbacks", "fallbacks of degraded mode, by name", "{}"}, robot.fallbacks,
-                    [&](Fields& f, Fallback& fallback) { describe_fallback(f, fallback, joint_names(robot)); });
+                    [&](Fields& f, Fallback& fallback) { describe_fallback(f, fallback, robot); });
   fields.section({"degraded", "reaction to a late policy or violated contract"},
                  [&](Fields& f) { describe_degraded(f, robot.degraded, robot.fallbacks); });
   fields.each_named({"stops", "how damped stops come to rest, by cause; others: rest", "{}"}, robot.stops,

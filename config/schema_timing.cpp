@@ -56,16 +56,18 @@ void describe_feedback(Fields& fields, FeedbackConfig& feedback) {
                   seconds(10));
   fields.duration({"enable_timeout", "every drive must report enabled this soon after arming", "500 ms"},
                   feedback.enable_timeout, milliseconds(1), seconds(60));
-  fields.quantity({"rest_velocity", "slower joints count as resting; a damped stop then holds", "0.02 rad/s"},
+  fields.quantity({"rest_velocity", "slower joints count as resting; a damped stop then holds; of a slide, its motor",
+                   "0.02 rad/s"},
                   feedback.rest_velocity, Dimension::angular_velocity, above(0, 10));
-  fields.quantity(
-      {"jump",
-       "ignore a position this much further than velocity_hard allows, and stop after three in a row; 0 rad: off",
-       "0.05 rad"},
-      feedback.jump, Dimension::angle, between(0, 10));
+  fields.quantity({"jump",
+                   "ignore a position this much further than velocity_hard allows, and stop after three in a row; of a "
+                   "slide, its motor; 0 "
+                   "rad: off",
+                   "0.05 rad"},
+                  feedback.jump, Dimension::angle, between(0, 10));
   fields.quantity({"contradiction",
                    "stop when positions and the drive's velocities differ by this and a quarter of the way within "
-                   "about 0.5 s; 0 rad: off",
+                   "about 0.5 s; of a slide, its motor; 0 rad: off",
                    "0.03 rad"},
                   feedback.contradiction, Dimension::angle, between(0, 10));
   fields.duration(

@@ -42,13 +42,36 @@ constexpr std::array kUnits{
     Unit{"Mbit/s", Dimension::bit_rate, 1e6},
     Unit{"N", Dimension::force, 1},
     Unit{"degC", Dimension::temperature, 1},
+    Unit{"m/s", Dimension::velocity, 1},
+    Unit{"mm/s", Dimension::velocity, 1e-3},
+    Unit{"N/s", Dimension::force_rate, 1},
+    Unit{"N/m", Dimension::linear_stiffness, 1},
+    Unit{"Ns/m", Dimension::linear_damping, 1},
+    Unit{"rad/m", Dimension::angle_per_length, 1},
 };
 
-constexpr std::array<std::string_view, kDimensionCount> kNouns{
-    "a plain number", "a time",        "an angle",        "an angular velocity", "an angular acceleration",
-    "a torque",       "a torque rate", "a stiffness",     "a damping",           "an inertia",
-    "a mass",         "a length",      "an acceleration", "a frequency",         "a bit rate",
-    "a force",        "a temperature"};
+constexpr std::array<std::string_view, kDimensionCount> kNouns{"a plain number",
+                                                               "a time",
+                                                               "an angle",
+                                                               "an angular velocity",
+                                                               "an angular acceleration",
+                                                               "a torque",
+                                                               "a torque rate",
+                                                               "a stiffness",
+                                                               "a damping",
+                                                               "an inertia",
+                                                               "a mass",
+                                                               "a length",
+                                                               "an acceleration",
+                                                               "a frequency",
+                                                               "a bit rate",
+                                                               "a force",
+                                                               "a temperature",
+                                                               "a velocity",
+                                                               "a force rate",
+                                                               "a linear stiffness",
+                                                               "a linear damping",
+                                                               "an angle per length"};
 
 bool is_digit(char c) {
   return c >= '0' && c <= '9';

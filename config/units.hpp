@@ -32,9 +32,14 @@ enum class Dimension : std::uint8_t {
   frequency,
   bit_rate,
   force,
-  temperature
+  temperature,
+  velocity,
+  force_rate,
+  linear_stiffness,
+  linear_damping,
+  angle_per_length
 };
-inline constexpr std::size_t kDimensionCount = 17;
+inline constexpr std::size_t kDimensionCount = 22;
 
 struct Unit {
   std::string_view symbol;

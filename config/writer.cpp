@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <span>
 #include <utility>
 
 #include "config/reader.hpp"
@@ -12,9 +13,10 @@
 namespace takt::config {
 namespace {
 
-std::string list_of(const std::vector<double>& values, Dimension dimension) {
+std::string list_of(const std::vector<double>& values, Dimension dimension, std::span<const Dimension> each = {}) {
   std::vector<std::string> items;
-  for (const double value : values) items.push_back(format_quantity(value, dimension));
+  for (std::size_t i = 0; i < values.size(); ++i)
+    items.push_back(format_quantity(values[i], i < each.size() ? each[i] : dimension));
   return fmt::format("[{}]", fmt::join(items, ", "));
 }
 
@@ -83,7 +85,7 @@ void Writer::one_of(const Key& key, std::string& value, Words words, std::string
 void Writer::quantities(const Key& key, std::vector<double>& values, Dimension dimension, Range range, Count count) {
   if (!leaves_out(key, values,
                   [&](Reader& r, std::vector<double>& v) { r.quantities(key, v, dimension, range, count); }))
-    line(key.name, list_of(values, dimension));
+    line(key.name, list_of(values, dimension, key.each));
 }
 
 void Writer::interval(const Key& key, double& low, double& high, Dimension dimension, Range range) {

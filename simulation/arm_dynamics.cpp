@@ -28,8 +28,10 @@ std::expected<std::unique_ptr<ArmDynamics>, std::string> ArmDynamics::make(const
     const bool ends = i + 1 == links.size() || links[i + 1].parent == -1;
     if (!ends) continue;
     tool_is_last |= robot.model->tool_link == static_cast<int>(i);
-    arms.push_back({static_cast<Eigen::Index>(first),
-                    std::make_unique<SerialChain>(links.subspan(first, i + 1 - first), robot.model->gravity)});
+    arms.push_back(
+        {static_cast<Eigen::Index>(first),
+         std::make_unique<SerialChain>(links.subspan(first, i + 1 - first),
+                                       std::span(robot.joints).subspan(first, i + 1 - first), robot.model->gravity)});
     first = i + 1;
   }
   if (!tool_is_last) return std::unexpected(robot.file + ": the tool must sit on the last link of an arm");

@@ -17,7 +17,8 @@ constexpr std::array<std::string_view, 1> kSchemas{"takt.devices/1"};
 void describe_device(config::Fields& fields, config::Joint& device, config::Words buses) {
   fields.identifier({"name", "unique name of the device"}, device.name);
   fields.reference({"bus", "name of the bus it is on"}, device.bus, buses, "bus");
-  fields.section({"drive", "what it speaks"}, [&](config::Fields& f) { config::describe_drive(f, device.drive); });
+  fields.section({"drive", "what it speaks"},
+                 [&](config::Fields& f) { config::describe_drive(f, device.drive, config::JointKind::hinge); });
   fields.quantity({"inertia", "of its flywheel, beyond any gear"}, device.inertia, config::Dimension::inertia,
                   config::above(0, 1e4));
   fields.quantity({"position", "where it stands at the start, beyond any gear", "0 rad"}, device.home,

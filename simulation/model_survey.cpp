@@ -71,12 +71,16 @@ std::optional<double> actuator_torque(const mjModel& model, int joint) {
   return std::nullopt;
 }
 
+bool is_moved(const mjModel& model, int joint) {
+  return model.jnt_type[joint] == mjJNT_HINGE || model.jnt_type[joint] == mjJNT_SLIDE;
+}
+
 std::vector<std::string> motors_of(const mjModel& model, int root) {
   std::vector<std::string> motors;
   for (int i = 0; i < model.nu; ++i) {
     const int joint = model.actuator_trnid[std::ptrdiff_t{2} * i];
     const int kind = model.actuator_trntype[i];
-    if ((kind != mjTRN_JOINT && kind != mjTRN_JOINTINPARENT) || model.jnt_type[joint] != mjJNT_HINGE) continue;
+    if ((kind != mjTRN_JOINT && kind != mjTRN_JOINTINPARENT) || !is_moved(model, joint)) continue;
     if (model.body_rootid[model.jnt_bodyid[joint]] != root || is_led(model, joint)) continue;
     const std::string name = name_of(model, mjOBJ_JOINT, joint);
     if (std::ranges::find(motors, name) == motors.end()) motors.push_back(name);
@@ -141,6 +145,7 @@ int keyframe_of(const mjModel& model) {
 ModelJoint joint_of(const mjModel& model, mjData& data, int id) {
   ModelJoint joint;
   joint.name = name_of(model, mjOBJ_JOINT, id);
+  if (model.jnt_type[id] == mjJNT_SLIDE) joint.kind = config::JointKind::slide;
   joint.inertia = effective_inertia(model, data, id);
   const mjtNum* const range = model.jnt_range + std::ptrdiff_t{2} * id;
   if (model.jnt_limited[id] != 0) joint.position = {range[0], range[1]};
@@ -149,10 +154,6 @@ ModelJoint joint_of(const mjModel& model, mjData& data, int id) {
   if (model.nuser_jnt >= 2) joint.torque = smaller_end(model.jnt_user + std::ptrdiff_t{model.nuser_jnt} * id);
   if (!joint.torque) joint.torque = actuator_torque(model, id);
   return joint;
-}
-
-bool is_moved(const mjModel& model, int joint) {
-  return model.jnt_type[joint] == mjJNT_HINGE || model.jnt_type[joint] == mjJNT_SLIDE;
 }
 
 int root_of(const mjModel& model, int joint) {
@@ -178,7 +179,7 @@ void sort_joints(const mjModel& model, mjData& data, int root, config::ModelFact
     else if (is_led(model, id))
       led.push_back(name);
     else
-      (model.jnt_type[id] == mjJNT_HINGE ? facts.joints : facts.slides).push_back(joint_of(model, data, id));
+      facts.joints.push_back(joint_of(model, data, id));
   }
   if (!others.empty())
     facts.remarks.push_back(
@@ -215,12 +216,10 @@ std::expected<config::ModelFacts, std::string> survey(const std::string& path, c
   if (root >= 0) sort_joints(model, *data, root, facts);
   for (std::string& remark : remarks_on_weight(model)) facts.remarks.push_back(std::move(remark));
   facts.motors = motors_of(model, root);
-  if (facts.joints.empty() && facts.slides.empty())
-    return std::unexpected(path + ": has no hinge that a drive could move");
-  for (std::vector<ModelJoint>* const joints : {&facts.joints, &facts.slides})
-    if (text.find("<robot") != std::string::npos)
-      if (const auto read = read_urdf_limits(text, *joints); !read)
-        return std::unexpected(fmt::format("{}: {}", path, read.error()));
+  if (facts.joints.empty()) return std::unexpected(path + ": has no hinge or slide that a drive could move");
+  if (text.find("<robot") != std::string::npos)
+    if (const auto read = read_urdf_limits(text, facts.joints); !read)
+      return std::unexpected(fmt::format("{}: {}", path, read.error()));
   if (keyframe >= 0) facts.keyframe = name_of(model, mjOBJ_KEY, keyframe);
   facts.imu_site = imu_site_of(model);
   return facts;

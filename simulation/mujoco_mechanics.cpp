@@ -225,7 +225,7 @@ std::vector<std::string> surprises_of(const mjModel& model, const std::vector<in
         "model");
   for (int joint = 0; joint < model.njnt; ++joint)
     if (model.jnt_type[joint] == mjJNT_SLIDE && root_of(model, joint) == root_of(model, driven.front()) &&
-        !is_led(model, joint))
+        !is_led(model, joint) && std::ranges::find(driven, joint) == driven.end())
       surprises.push_back(fmt::format("slide {} has no drive, and moves freely", name_of(model, mjOBJ_JOINT, joint)));
   return surprises;
 }
@@ -245,13 +245,15 @@ int joint_called(const mjModel& model, const std::string& name) {
 // Which of the model's joints the robot's are. Error: one sentence.
 std::expected<std::vector<int>, std::string> find_joints(const mjModel& model, const config::RobotConfig& robot) {
   std::vector<int> found;
-  std::vector<std::string> missing, others, forgotten;
+  std::vector<std::string> missing, others, forgotten, turn, slide;
   for (const config::Joint& joint : robot.joints) {
     const int id = joint_called(model, joint.name);
     if (id < 0)
       missing.push_back(joint.name);
-    else if (model.jnt_type[id] != mjJNT_HINGE)
+    else if (model.jnt_type[id] != mjJNT_HINGE && model.jnt_type[id] != mjJNT_SLIDE)
       others.push_back(joint.name);
+    else if ((model.jnt_type[id] == mjJNT_SLIDE) != (joint.kind == config::JointKind::slide))
+      (joint.kind == config::JointKind::slide ? turn : slide).push_back(joint.name);
     found.push_back(id);
   }
   const std::string where = robot.simulation->mujoco->model;
@@ -260,7 +262,13 @@ std::expected<std::vector<int>, std::string> find_joints(const mjModel& model, c
                                        fmt::join(missing, ", ")));
   if (!others.empty())
     return std::unexpected(
-        fmt::format("{}: {} turns about no axis; a drive's joint is a hinge", where, fmt::join(others, ", ")));
+        fmt::format("{}: {} has no axis; a drive's joint is a hinge or a slide", where, fmt::join(others, ", ")));
+  if (!slide.empty())
+    return std::unexpected(fmt::format("{}: {} slides, and turns in the robot file; write `kind: slide` there", where,
+                                       fmt::join(slide, ", ")));
+  if (!turn.empty())
+    return std::unexpected(fmt::format("{}: {} turns, and slides in the robot file; leave `kind: slide` out there",
+                                       where, fmt::join(turn, ", ")));
   for (int joint = 0; joint < model.njnt; ++joint)
     if (model.jnt_type[joint] == mjJNT_HINGE && root_of(model, joint) == root_of(model, found.front()) &&
         std::ranges::find(found, joint) == found.end() && !is_led(model, joint))

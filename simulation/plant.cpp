@@ -25,6 +25,11 @@ double ratio(const config::Drive& drive) {
 
 }  // namespace
 
+Friction friction_of(const config::Simulation& simulation, const config::Joint& joint) {
+  const double per_rad = config::per_rad(joint);
+  return {simulation.viscous / (per_rad * per_rad), simulation.coulomb / per_rad};
+}
+
 std::expected<Plant, std::string> Plant::make(const config::RobotConfig& robot, std::unique_ptr<Dynamics> dynamics) {
   if (!robot.simulation) return std::unexpected(robot.file + ": no `simulation`: this robot has no simulated double");
   std::vector<PlantJoint> joints;
@@ -50,7 +55,9 @@ Plant::Plant(const config::Simulation& simulation, std::vector<PlantJoint> joint
   state_ = {Eigen::VectorXd::Zero(count), Eigen::VectorXd::Zero(count)};
   for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
     const config::Joint& settings = joints_[joint].settings;
-    gearing_.push_back({ratio(settings.drive), settings.drive.offset, settings.limits.torque, settings.passive});
+    gearing_.push_back({ratio(settings.drive), settings.drive.offset, settings.limits.torque,
+                        simulation.encoder_step * config::per_rad(settings), friction_of(simulation, settings),
+                        settings.passive});
     state_.q[index(joint)] = settings.home;
     on_bus_.resize(std::max(on_bus_.size(), settings.bus + 1));
     on_bus_[settings.bus].push_back(joint);
@@ -92,13 +99,13 @@ void Plant::collect(std::size_t bus, Frames& said) {
 void Plant::set_line(std::size_t joint, const LineFaults& faults) {
   joints_[joint].replies.set(faults);
   FeedbackFaults feedback = faults.feedback;
-  feedback.offset *= gearing_[joint].ratio;
+  feedback.offset *= gearing_[joint].ratio * config::per_rad(joints_[joint].settings);
   joints_[joint].device->set(feedback);
 }
 
 MotorReading Plant::read_encoder(std::size_t joint) const {
   const Gearing& gearing = gearing_[joint];
-  const double grid = simulation_.encoder_step;
+  const double grid = gearing.encoder_step;
   const double q = state_.q[index(joint)];
   const double seen = grid > 0 ? std::round(q / grid) * grid : q;
   return {(seen - gearing.offset) * gearing.ratio, state_.dq[index(joint)] * gearing.ratio};
@@ -137,7 +144,7 @@ void Plant::step() {
       torque[index(joint)] = 0;
       friction_[joint] = {0, held ? kHoldingHand : 0};
     } else {
-      friction_[joint] = {simulation_.viscous, simulation_.coulomb + (held ? gearing.braking_torque : 0)};
+      friction_[joint] = {gearing.friction.viscous, gearing.friction.coulomb + (held ? gearing.braking_torque : 0)};
     }
   }
   on_their_way_.push_back(std::move(torque));

@@ -7,7 +7,7 @@
 // robot with a base of its own hangs on a hoist until all drives are enabled; from then on it stands or falls by
 // itself, whatever becomes of its drives, until all of them have been disabled for kTakenUpAfter: then somebody has
 // hung it where it began. Starts at the home pose, at rest, drives disabled and braked. Same inputs, same bits out.
-// Units: joint side, rad, rad/s. Thread rule: one thread at a time.
+// Units: joint side, rad, rad/s, Nm; of a slide m, m/s, N. Thread rule: one thread at a time.
 #pragma once
 
 #include <deque>
@@ -27,6 +27,9 @@ namespace takt::plant {
 
 // Longer than a fall takes of a robot whose joints are braked.
 inline constexpr Duration kTakenUpAfter = seconds(3);
+
+// `joint_friction` as it acts on this joint: on a slide through its gear.
+Friction friction_of(const config::Simulation& simulation, const config::Joint& joint);
 
 class Plant {
  public:
@@ -62,6 +65,8 @@ class Plant {
   struct Gearing {
     double ratio, offset;   // motor angle per joint angle, with the direction's sign; rad, joint side
     double braking_torque;  // Nm
+    double encoder_step;    // rad, joint side
+    Friction friction;
     bool passive;
   };
   Plant(const config::Simulation& simulation, std::vector<PlantJoint> joints, std::unique_ptr<Dynamics> dynamics);

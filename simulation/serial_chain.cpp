@@ -9,25 +9,27 @@ KDL::Vector vector(const config::Vector3& v) {
 }
 
 // A link's frame sits at its joint; KDL wants joint origin and axis in the parent's frame, inertia in the link's.
-KDL::Segment segment_of(const config::Link& link) {
+KDL::Segment segment_of(const config::Link& link, config::JointKind kind) {
   const KDL::Rotation rotation = KDL::Rotation::RPY(link.origin_rpy[0], link.origin_rpy[1], link.origin_rpy[2]);
   const KDL::Vector origin = vector(link.origin_xyz);
-  const KDL::Joint joint(link.joint, origin, rotation * vector(link.axis), KDL::Joint::RotAxis);
+  const KDL::Joint joint(link.joint, origin, rotation * vector(link.axis),
+                         kind == config::JointKind::slide ? KDL::Joint::TransAxis : KDL::Joint::RotAxis);
   const KDL::RotationalInertia about_com(link.inertia[0], link.inertia[1], link.inertia[2]);
   return KDL::Segment(link.joint, joint, KDL::Frame(rotation, origin),
                       KDL::RigidBodyInertia(link.mass, vector(link.com), about_com));
 }
 
-KDL::Chain chain_of(std::span<const config::Link> links) {
+KDL::Chain chain_of(std::span<const config::Link> links, std::span<const config::Joint> joints) {
   KDL::Chain chain;
-  for (const config::Link& link : links) chain.addSegment(segment_of(link));
+  for (std::size_t i = 0; i < links.size(); ++i) chain.addSegment(segment_of(links[i], joints[i].kind));
   return chain;
 }
 
 }  // namespace
 
-SerialChain::SerialChain(std::span<const config::Link> links, const config::Vector3& gravity)
-    : chain_(chain_of(links)),
+SerialChain::SerialChain(std::span<const config::Link> links, std::span<const config::Joint> joints,
+                         const config::Vector3& gravity)
+    : chain_(chain_of(links, joints)),
       parameters_(chain_, vector(gravity)),
       inverse_dynamics_(chain_, vector(gravity)),
       kinematics_(chain_),

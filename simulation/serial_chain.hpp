@@ -17,8 +17,9 @@ namespace takt::plant {
 
 class SerialChain {
  public:
-  // Precondition: at least one link. The first link's frame sits in the base.
-  SerialChain(std::span<const config::Link> links, const config::Vector3& gravity);
+  // Precondition: at least one link, each moved by the joint of its index. The first link's frame sits in the base.
+  SerialChain(std::span<const config::Link> links, std::span<const config::Joint> joints,
+              const config::Vector3& gravity);
   SerialChain(const SerialChain&) = delete;  // the solvers point into this object
   SerialChain& operator=(const SerialChain&) = delete;
 

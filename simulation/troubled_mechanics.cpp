@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "simulation/plant.hpp"
+
 namespace takt::plant {
 namespace {
 
@@ -45,8 +47,9 @@ config::RobotConfig with_payload(config::RobotConfig robot, double mass) {
 }  // namespace
 
 TroubledMechanics::TroubledMechanics(std::unique_ptr<Mechanics> bare, const config::RobotConfig& robot)
-    : bare_(std::move(bare)), body_(bare_.get()), simulation_(*robot.simulation) {
-  for (const config::Joint& joint : robot.joints) passive_.push_back(joint.passive);
+    : bare_(std::move(bare)), body_(bare_.get()) {
+  for (const config::Joint& joint : robot.joints)
+    own_friction_.push_back(joint.passive ? Friction{} : friction_of(*robot.simulation, joint));
 }
 
 std::unique_ptr<TroubledMechanics> TroubledMechanics::around(std::unique_ptr<Mechanics> bare,
@@ -94,9 +97,8 @@ Eigen::VectorXd TroubledMechanics::torque_of_force(const Eigen::VectorXd& q) {
 std::vector<Friction> TroubledMechanics::with_more(std::vector<Friction> friction) const {
   const double more = trouble_.friction - 1;
   for (std::size_t joint = 0; joint < friction.size(); ++joint) {
-    if (passive_[joint]) continue;
-    friction[joint].viscous += more * simulation_.viscous;
-    friction[joint].coulomb += more * simulation_.coulomb;
+    friction[joint].viscous += more * own_friction_[joint].viscous;
+    friction[joint].coulomb += more * own_friction_[joint].coulomb;
   }
   return friction;
 }

@@ -56,8 +56,7 @@ class TroubledMechanics final : public Mechanics {
   std::unique_ptr<Mechanics> bare_;
   std::vector<std::pair<double, std::unique_ptr<Mechanics>>> loaded_;  // by payload
   Mechanics* body_;                                                    // the one of the payload that is set
-  config::Simulation simulation_;
-  std::vector<bool> passive_;  // by joint
+  std::vector<Friction> own_friction_;  // the robot file's, by joint; passive ones have none
   BodyTrouble trouble_;
 };
 

@@ -10,7 +10,6 @@
 #include <fstream>
 #include <memory>
 #include <optional>
-#include <ranges>
 #include <span>
 #include <utility>
 
@@ -66,12 +65,27 @@ std::string unfilled_in(const std::string& robot) {
   return count == 0 ? "no FILL_IN" : fmt::format("{} FILL_IN", count);
 }
 
+// The model's hinges, and those of its slides that the policy names.
+std::vector<std::string> joints_for(const config::ModelFacts& model, const std::vector<std::string>& of_policy) {
+  std::vector<std::string> names;
+  for (const config::ModelJoint& joint : model.joints)
+    if (joint.kind == config::JointKind::hinge || std::ranges::find(of_policy, joint.name) != of_policy.end())
+      names.push_back(joint.name);
+  return names;
+}
+
+std::vector<std::string> named_in(const policy_host::DescribedPolicy& policy) {
+  std::vector<std::string> names = policy.joints.joints;
+  for (const auto& input : policy.inputs) names.insert(names.end(), input.joints.begin(), input.joints.end());
+  for (const auto& output : policy.outputs) names.insert(names.end(), output.joints.begin(), output.joints.end());
+  return names;
+}
+
 // Joints in the robot's order, by --joint-names or the model; without either in the policy's.
 std::expected<config::DeployFile, std::string> read_described(const policy_host::DescribedPolicy& described,
                                                               Given& given,
                                                               const std::optional<config::ModelFacts>& model) {
-  if (given.joint_names.empty() && model)
-    for (const config::ModelJoint& joint : model->joints) given.joint_names.push_back(joint.name);
+  if (given.joint_names.empty() && model) given.joint_names = joints_for(*model, named_in(described));
   auto deploy = policy_host::deploy_file_of(described, given.joint_names);
   if (!deploy) return std::unexpected(fmt::format("{}: {}", given.export_file, deploy.error()));
   return deploy;
@@ -88,8 +102,7 @@ std::expected<config::DeployFile, std::string> read_metadata(Given& given,
   if (*described) return read_described(**described, given, model);
   const auto metadata = policy_host::read_exporter_metadata(file->metadata());
   if (!metadata) return std::unexpected(fmt::format("{}: {}", given.export_file, metadata.error()));
-  if (given.joint_names.empty() && model)
-    for (const config::ModelJoint& joint : model->joints) given.joint_names.push_back(joint.name);
+  if (given.joint_names.empty() && model) given.joint_names = joints_for(*model, metadata->joint_names);
   if (given.joint_names.empty()) given.joint_names = metadata->joint_names;
   auto deploy = policy_host::deploy_file_of(*metadata, given.joint_names);
   if (!deploy) return std::unexpected(fmt::format("{}: {}", given.export_file, deploy.error()));
@@ -150,9 +163,20 @@ bool is_policy(const Given& given) {
   return text && policy_host::is_leapp_bundle(*text);
 }
 
-std::string slides_text(const config::ModelFacts& model) {
-  return fmt::format("slides of the model have no drive, and move freely: {}",
-                     fmt::join(model.slides | std::views::transform(&config::ModelJoint::name), ", "));
+// Takes the slides out that get no joint: those that are not named, or, where no joint is, all that the policy cannot
+// mean since it moves as many joints as there are hinges. Returns a sentence; empty: none was taken out.
+std::string take_out_slides(config::ModelFacts& model, const std::vector<std::string>& names, std::size_t moved) {
+  const auto is_slide = [](const config::ModelJoint& joint) { return joint.kind == config::JointKind::slide; };
+  const auto slides = static_cast<std::size_t>(std::ranges::count_if(model.joints, is_slide));
+  if (names.empty() && model.joints.size() != moved + slides) return {};
+  std::vector<std::string> left;
+  for (const config::ModelJoint& joint : model.joints)
+    if (is_slide(joint) && std::ranges::find(names, joint.name) == names.end()) left.push_back(joint.name);
+  const auto is_left = [&](const std::string& name) { return std::ranges::find(left, name) != left.end(); };
+  std::erase_if(model.joints, [&](const config::ModelJoint& joint) { return is_left(joint.name); });
+  std::erase_if(model.motors, is_left);
+  if (left.empty()) return {};
+  return fmt::format("slides that the policy does not move have no drive, and move freely: {}", fmt::join(left, ", "));
 }
 
 // With --mesh-path: a copy of the model beside the robot file that names its meshes by their whole paths.
@@ -199,7 +223,9 @@ int import(Given given) {
     if (const auto added = add_period(given.period, *deploy); !added) return refuse(kExitUsage, added.error());
   std::vector<std::string> remarks = deploy->remarks;
   if (model) remarks.insert(remarks.end(), model->remarks.begin(), model->remarks.end());
-  if (model && !model->slides.empty()) remarks.push_back(slides_text(*model));
+  if (model)
+    if (std::string left = take_out_slides(*model, given.joint_names, deploy->robot_joint.size()); !left.empty())
+      remarks.push_back(std::move(left));
   if (model && given.joint_names.empty())
     if (const auto order = config::motor_order(*model); !order.remark.empty()) remarks.push_back(order.remark);
   config::ImportOptions options{.robot = given.robot,
@@ -238,7 +264,6 @@ int make_new(Given given) {
   if (!robot) return refuse(kExitUsage, robot.error());
   if (const int refused = write_new(given.out, *robot); refused != kExitOk) return refused;
   for (const std::string& remark : model->remarks) note("note", remark);
-  if (!model->slides.empty()) note("note", slides_text(*model));
   fmt::print("{}: {} joints, no policy; {} to replace, then: takt config check {}\n", config::printable(given.out),
              model->joints.size(), unfilled_in(*robot), config::printable(given.out));
   return kExitOk;

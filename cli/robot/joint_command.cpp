@@ -265,6 +265,10 @@ std::expected<int, Refusal> jog(const JointOptions& options) {
   if (joint.passive)
     return std::unexpected(
         Refusal{kExitUsage, fmt::format("{} is passive: nothing can move it; name a driven joint", joint.name)});
+  if (joint.kind == config::JointKind::slide)
+    return std::unexpected(
+        Refusal{kExitUsage,
+                fmt::format("{} slides, and jog moves by degrees; name a hinge, or move it by a policy", joint.name)});
   const double most = joint.limits.torque;
   const double torque = options.torque > 0 ? options.torque : 0.1 * most;
   if (torque > most)

@@ -150,6 +150,11 @@ std::expected<int, Refusal> home(const HomeOptions& options) {
   const auto index = find_joint(*robot, options.joint);
   if (!index) return std::unexpected(index.error());
   const config::Joint& joint = robot->config.joints[*index];
+  if (joint.kind == config::JointKind::slide)
+    return std::unexpected(
+        Refusal{kExitUsage, fmt::format("{} slides, and a place is said in degrees; keep limits.position within a turn "
+                                        "of its motor, or write position_after_power_up: absolute where that is true",
+                                        joint.name)});
   if (!drivers::forgets_home(joint.drive))
     return std::unexpected(
         refusal(joint,

@@ -41,7 +41,8 @@ std::optional<PlaceRule> place_rule(const config::RobotConfig& robot, std::size_
                    .high = static_cast<float>(joint.limits.q_max + joint.limits.position_margin),
                    .reads_low = static_cast<float>(drive.offset - most),
                    .reads_high = static_cast<float>(drive.offset + most),
-                   .fastest = static_cast<float>(joint.limits.velocity_hard * config::turn_of(robot, joint).seconds())};
+                   .fastest = static_cast<float>(joint.limits.velocity_hard * config::turn_of(robot, joint).seconds()),
+                   .per_rad = static_cast<float>(config::per_rad(joint))};
 }
 
 std::size_t PlacedDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
@@ -84,15 +85,17 @@ void PlacedDriver::take(float read) noexcept {
 }
 
 bool PlacedDriver::is_jump(float read) const noexcept {
-  constexpr float kUnnoticed = 0.05F;
-  const float most =
-      rule_.step > 0 ? rule_.step / 2 : kUnnoticed + rule_.fastest * static_cast<float>(silent_ticks_ + 1);
+  constexpr float kUnnoticed = 0.05F;  // rad
+  const float most = rule_.step > 0
+                         ? rule_.step / 2
+                         : kUnnoticed * rule_.per_rad + rule_.fastest * static_cast<float>(silent_ticks_ + 1);
   return !(std::abs(read - last_read_) <= most);
 }
 
 void PlacedDriver::place(float read) noexcept {
-  const float least = std::ceil((rule_.low - kPlaceDoubt - read) / rule_.step);
-  const float most = std::floor((rule_.high + kPlaceDoubt - read) / rule_.step);
+  const float doubt = kPlaceDoubt * rule_.per_rad;
+  const float least = std::ceil((rule_.low - doubt - read) / rule_.step);
+  const float most = std::floor((rule_.high + doubt - read) / rule_.step);
   if (least != most) return;
   const float shift = least * rule_.step;
   const bool is_inside = read + shift >= rule_.low && read + shift <= rule_.high;

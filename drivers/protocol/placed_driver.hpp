@@ -27,13 +27,14 @@ namespace takt::drivers {
 // rad, joint side: how near to its limits a joint may be thought to stand that was pushed beyond them.
 inline constexpr float kPlaceDoubt = 0.5F;
 
-// All of it joint side, rad.
+// All of it joint side, rad; of a slide m.
 struct PlaceRule {
   float step = 0;                       // between places that the drive cannot tell apart; 0: a reading says nothing
   bool by_limits = false;               // they tell such places apart
   float low = 0, high = 0;              // where the joint may be: limits.position and its margin
   float reads_low = 0, reads_high = 0;  // what the drive can say and be told, by the robot file's offset
   float fastest = 0;                    // per tick
+  float per_rad = 1;                    // JointLimits::per_rad, of kPlaceDoubt
 };
 
 // Between places that the drive cannot tell apart; 0: it knows its place, or no place at all. rad, joint side.

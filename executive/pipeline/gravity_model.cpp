@@ -36,6 +36,10 @@ float triple(const Vec& axis, const Vec& moment, const Vec& gravity) {
          axis[2] * (moment[0] * gravity[1] - moment[1] * gravity[0]);
 }
 
+float dot(const Vec& a, const Vec& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
 float length(const Vec& v) {
   return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
@@ -67,12 +71,19 @@ GravityModel::GravityModel(const TickConfig& config) : gravity_(config.gravity),
     link.moment = {from.mass * from.com[0], from.mass * from.com[1], from.mass * from.com[2]};
     link.mass = from.mass;
     link.parent = from.parent;
+    link.slides = from.slides;
+    if (link.slides) {
+      link.fixed = from.origin_rotation;
+      link.even = link.odd = {};
+      link.way = times(link.fixed, link.axis);
+    }
     // However the joints between are turned, the link's centre of mass is no further from theirs than the way along the
     // links.
     float reach = length(from.com);
     for (auto at = static_cast<std::int32_t>(i); at >= 0; at = links_[static_cast<std::size_t>(at)].parent) {
-      most_[static_cast<std::size_t>(at)] += length(gravity_) * from.mass * reach;
-      reach += length(links_[static_cast<std::size_t>(at)].origin);
+      const Link& carrier = links_[static_cast<std::size_t>(at)];
+      most_[static_cast<std::size_t>(at)] += length(gravity_) * from.mass * (carrier.slides ? 1.0F : reach);
+      reach += length(carrier.origin) + (carrier.slides ? config.links[static_cast<std::size_t>(at)].farthest : 0.0F);
     }
   }
 }
@@ -107,11 +118,14 @@ void GravityModel::torques(std::span<const float> q, std::span<float> torques) c
   for (std::size_t i = count_; i-- > 0;) {
     const Link& link = links_[i];
     const Node& node = nodes[i];
-    torques[i] = -triple(link.axis, node.moment, node.gravity);
+    torques[i] =
+        link.slides ? -node.mass * dot(link.axis, node.gravity) : -triple(link.axis, node.moment, node.gravity);
     if (link.parent < 0) continue;
     Node& parent = nodes[static_cast<std::size_t>(link.parent)];
     const Vec moment = times(node.rotation, node.moment);
-    for (std::size_t k = 0; k < 3; ++k) parent.moment[k] += moment[k] + node.mass * link.origin[k];
+    const float moved = link.slides ? q[i] : 0.0F;
+    for (std::size_t k = 0; k < 3; ++k)
+      parent.moment[k] += moment[k] + node.mass * (link.origin[k] + moved * link.way[k]);
     parent.mass += node.mass;
   }
 }

@@ -86,7 +86,7 @@ bool is_beyond_reach(const JointWatch& watch, const JointFeedback& reply, const 
   // Stamps tell when a reply came, which is up to a period after its position was read, and behind a gap later still.
   const Duration waited = milliseconds(watch.waited_ms);
   const float dt = seconds_of(reply.received_at - watch.believed_at + config.period + waited);
-  return !(std::abs(reply.q - watch.q) <= limits.velocity_hard * dt + config.feedback.jump);
+  return !(std::abs(reply.q - watch.q) <= limits.velocity_hard * dt + config.feedback.jump * limits.per_rad);
 }
 
 bool is_frozen_for_long(MonoTime since, const JointFeedback& reply, const TickConfig& config) {
@@ -124,7 +124,12 @@ float slope_share(const JointWatch& watch, float limit) {
 }
 
 bool is_near_stop(float q, const JointLimits& limits) {
-  return q < limits.q_min + kNearStop || q > limits.q_max - kNearStop;
+  const float near = kNearStop * limits.per_rad;
+  return q < limits.q_min + near || q > limits.q_max - near;
+}
+
+float contradiction_of(const JointConfig& joint, const TickConfig& config) {
+  return config.feedback.contradiction * joint.limits.per_rad;
 }
 
 bool feels_torque_here(const JointConfig& joint) {
@@ -144,14 +149,15 @@ void expect_motion(JointWatch& watch, const JointConfig& joint, float dt) {
 bool stands_against_torque(const JointWatch& watch, const JointConfig& joint, const TickConfig& config) {
   if (joint.passive || !feels_torque_here(joint) || is_near_stop(watch.q, joint.limits)) return false;
   if (joint.loop == LoopAt::host_velocity)
-    return std::abs(watch.path - watch.path_from) > config.feedback.contradiction && config.feedback.contradiction > 0;
+    return std::abs(watch.path - watch.path_from) > contradiction_of(joint, config) &&
+           config.feedback.contradiction > 0;
   return std::abs(watch.beyond - watch.beyond_from) > kBeyondFriction * joint.limits.torque &&
-         std::abs(watch.expected_q) > kMotionThatShows;
+         std::abs(watch.expected_q) > kMotionThatShows * joint.limits.per_rad;
 }
 
 void look_for_contradiction(JointWatch& watch, const JointFeedback& reply, const JointConfig& joint,
                             const TickConfig& config) {
-  const float limit = config.feedback.contradiction;
+  const float limit = contradiction_of(joint, config);
   if (limit <= 0.0F || !joint.tells_velocity) return;
   const bool looks = config.feedback.frozen_after > Duration{};
   if (looks && !(std::abs(watch.slid) <= limit) && is_frozen_for_long(watch.still_since, reply, config))
@@ -204,10 +210,11 @@ void follow(JointWatch& watch, const JointFeedback& reply, const JointConfig& jo
 }
 
 // The one instant at which a drive that forgets its zero can be told from a joint that stayed where it was.
-bool has_moved_unheard(const JointWatch& watch, const JointFeedback& reply, const TickConfig& config) {
+bool has_moved_unheard(const JointWatch& watch, const JointFeedback& reply, const JointLimits& limits,
+                       const TickConfig& config) {
   const Duration long_silence = std::max(config.feedback_timeout, Duration{kLongSilence_ticks * config.period.ns});
   const bool was_silent = !watch.believed_at.is_set() || reply.received_at - watch.believed_at >= long_silence;
-  return watch.judged_at.is_set() && was_silent && !(std::abs(reply.q - watch.q) <= kMovedUnheard);
+  return watch.judged_at.is_set() && was_silent && !(std::abs(reply.q - watch.q) <= kMovedUnheard * limits.per_rad);
 }
 
 bool is_from_future(const JointFeedback& feedback, MonoTime now, const TickConfig& config) {
@@ -221,7 +228,7 @@ Belief take_feedback(JointWatch& watch, const JointFeedback& feedback, MonoTime 
   if (!feedback.received_at.is_set() || !is_plausible(feedback) || is_from_future(feedback, now, config) ||
       feedback.received_at <= watch.judged_at)
     return Belief::none;
-  if (has_moved_unheard(watch, feedback, config)) watch.moved_unheard = 1;
+  if (has_moved_unheard(watch, feedback, joint.limits, config)) watch.moved_unheard = 1;
   watch.judged_at = feedback.received_at;
   if (!watch.believed_at.is_set() || feedback.received_at - watch.believed_at > config.feedback_timeout) {
     begin(watch, feedback);
@@ -277,7 +284,7 @@ ReplyFaultMask feedback_faults(const JointWatch& watch, const JointFeedback& fee
 }
 
 FeedbackMargin margin_of(const JointWatch& watch, const JointConfig& joint, const TickConfig& config) {
-  const float limit = config.feedback.contradiction;
+  const float limit = contradiction_of(joint, config);
   FeedbackMargin margin;
   if (joint.tells_velocity && limit > 0.0F) {
     margin.contradiction =
@@ -291,7 +298,7 @@ FeedbackMargin margin_of(const JointWatch& watch, const JointConfig& joint, cons
   if (feels_torque_here(joint) && !is_near_stop(watch.q, joint.limits))
     margin.frozen = std::max(
         margin.frozen, std::min(std::abs(watch.beyond - watch.beyond_from) / (kBeyondFriction * joint.limits.torque),
-                                std::abs(watch.expected_q) / kMotionThatShows));
+                                std::abs(watch.expected_q) / (kMotionThatShows * joint.limits.per_rad)));
   return margin;
 }
 

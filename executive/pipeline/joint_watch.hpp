@@ -41,7 +41,7 @@ inline constexpr Duration kSuspectFor = milliseconds(500);
 inline constexpr float kFeedbackMemory_s = 0.5F;
 inline constexpr float kStretch_s = 0.016F;  // long enough that a coarse encoder's steps tell a motion
 inline constexpr std::int64_t kLongSilence_ticks = 50;
-inline constexpr float kMovedUnheard = 0.05F;  // rad
+inline constexpr float kMovedUnheard = 0.05F;  // rad, times JointLimits::per_rad
 inline constexpr int kLasting = 3;             // outliers one after the other
 
 struct JointWatch {

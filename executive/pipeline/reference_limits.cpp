@@ -9,12 +9,13 @@ namespace {
 
 // The limits the step works with, widened once.
 struct Wide {
-  double q_min, q_max, velocity, acceleration;
+  double q_min, q_max, velocity, acceleration, gentle_gap;
   explicit Wide(const JointLimits& limits)
       : q_min(static_cast<double>(limits.q_min)),
         q_max(static_cast<double>(limits.q_max)),
         velocity(static_cast<double>(limits.velocity)),
-        acceleration(static_cast<double>(limits.acceleration)) {}
+        acceleration(static_cast<double>(limits.acceleration)),
+        gentle_gap(kGentleGap * static_cast<double>(limits.per_rad)) {}
 };
 
 // Distance in units of a dt^2, speed in units of a dt: n whole braking steps and a remainder r in [0, 1).
@@ -45,8 +46,8 @@ bool cut_to_stop(double& speed, double distance, double acceleration, double dt)
 struct Pursuit {
   double gap;       // of the gap
   double velocity;  // of the velocity error
-  Pursuit(double acceleration, double dt)
-      : gap(std::min(std::sqrt(acceleration / (4.0 * kGentleGap)), kFastestPursuit / (4.0 * dt))),
+  Pursuit(const Wide& limits, double dt)
+      : gap(std::min(std::sqrt(limits.acceleration / (4.0 * limits.gentle_gap)), kFastestPursuit / (4.0 * dt))),
         velocity(4.0 * gap) {}
 };
 
@@ -105,7 +106,7 @@ double stopping_distance(double speed, double acceleration, double dt) {
 ReferenceStep step_towards(const ReferenceState& from, float q_target, float dq_target, float speed,
                            const JointLimits& limits, double dt, const Rates& rates, bool limits_jerk) {
   const Wide wide(limits);
-  const Pursuit pursuit(wide.acceleration, dt);
+  const Pursuit pursuit(wide, dt);
   const double asked = static_cast<double>(q_target);
   const double target = std::clamp(asked, wide.q_min, wide.q_max);
   const bool cut = target != asked;

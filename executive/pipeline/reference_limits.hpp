@@ -47,7 +47,7 @@ struct Rates {
   double down = std::numeric_limits<double>::infinity();
 };
 
-inline constexpr double kGentleGap = 0.005;     // rad
+inline constexpr double kGentleGap = 0.005;     // rad, times per_rad
 inline constexpr double kBrakingShare = 0.8;    // of the acceleration, when a target is approached
 inline constexpr double kFastestPursuit = 0.5;  // of a velocity error in one step, however large the acceleration
 

@@ -18,10 +18,11 @@ inline constexpr Duration kRestDwell = milliseconds(100);
 
 class RestWatch {
  public:
-  // One tick. `asked`: the joints that count; the others' estimates may be anything. rest_velocity in rad/s: at a
-  // steady speed below it a joint rests. What turns round meanwhile is slower than twice as much when it is said to
-  // rest.
-  void follow(MonoTime now, std::span<const JointRecord> joints, JointMask asked, float rest_velocity) {
+  // One tick. `asked`: the joints that count; the others' estimates may be anything. rest_velocity(j) in rad/s, of a
+  // slide m/s: at a steady speed below it joint j rests. What turns round meanwhile is slower than twice as much when
+  // it is said to rest.
+  template <class RestVelocity>
+  void follow(MonoTime now, std::span<const JointRecord> joints, JointMask asked, RestVelocity rest_velocity) {
     const bool still = still_since_.is_set() && are_near(joints, asked, rest_velocity);
     if (still && now - anchored_at_ < kStretch) return;
     if (!still) still_since_ = now;
@@ -37,10 +38,12 @@ class RestWatch {
   static constexpr Duration kStretch = nanoseconds(kRestDwell.ns / 2);
 
   // No joint that is asked went further since the anchors were set than it may at rest. Not a number is no rest.
-  [[nodiscard]] bool are_near(std::span<const JointRecord> joints, JointMask asked, float rest_velocity) const {
-    const float within = rest_velocity * static_cast<float>(kStretch.seconds());
-    for (std::size_t j = 0; j < joints.size(); ++j)
+  template <class RestVelocity>
+  [[nodiscard]] bool are_near(std::span<const JointRecord> joints, JointMask asked, RestVelocity rest_velocity) const {
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      const float within = rest_velocity(j) * static_cast<float>(kStretch.seconds());
       if ((asked & bit_of_joint(j)) != 0 && !(std::abs(joints[j].q_estimate - anchor_[j]) <= within)) return false;
+    }
     return true;
   }
 

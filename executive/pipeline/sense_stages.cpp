@@ -96,8 +96,9 @@ void watch_for_rest(TickState& state, const TickRecord& record, const TickConfig
   const std::span joints(record.joints, config.joint_count);
   const JointMask asked = asked_for_rest(state, now, config);
   const JointMask can_hold = asked & ~mode.damped;
-  mode.rest.follow(now, joints, can_hold != 0 ? can_hold : asked, config.rest_velocity);
-  mode.rest_of_all.follow(now, joints, asked, config.rest_velocity);
+  const auto slow = [&config](std::size_t joint) { return rest_velocity_of(config, joint); };
+  mode.rest.follow(now, joints, can_hold != 0 ? can_hold : asked, slow);
+  mode.rest_of_all.follow(now, joints, asked, slow);
   // Whom the fallback policy moves may stand still now and then.
   if (mode.rest.rests(now) && mode.player != Player::fallback) mode.resting = 1;
 }

@@ -16,6 +16,7 @@
 
 namespace takt::pipeline {
 
+// Of a joint that slides every number is in m and N where these say rad and Nm.
 struct JointLimits {
   float q_min = 0, q_max = 0;  // rad, q_min < q_max
   float velocity = 0;          // rad/s > 0
@@ -26,6 +27,7 @@ struct JointLimits {
   float q_hard_margin = 0;  // rad: measured position further outside q_min..q_max: damped stop
   float velocity_hard = 0;  // rad/s: measured speed above it: damped stop; >= velocity
   float target_margin = 0;  // rad: a target further outside q_min..q_max than this counts as out of range
+  float per_rad = 1;        // what a radian in a limit for all joints is of this one: a slide's way per radian of motor
 };
 
 // Who closes a joint's control loop, and so what its setpoint carries.
@@ -82,6 +84,8 @@ struct LinkModel {
   std::array<float, 3> origin_xyz{};  // m, joint frame in the parent's link frame at q = 0
   std::array<float, 9> origin_rotation{1, 0, 0, 0, 1, 0, 0, 0, 1};  // row-major
   std::array<float, 3> axis{0, 0, 1};                               // unit vector in the joint frame
+  bool slides = false;                                              // along the axis by q, m
+  float farthest = 0;                                               // m, of |q|; slides only
   float mass = 0;                                                   // kg
   std::array<float, 3> com{};                                       // m, in the link frame
 };
@@ -251,6 +255,10 @@ constexpr bool has_fallback_policy(const TickConfig& config) {
 constexpr bool plays_held_targets(const TickConfig& config, const JointConfig& joint) {
   const bool by_gains = joint.loop == LoopAt::drive || joint.loop == LoopAt::host_torque;
   return config.interpolation == Interpolation::hold && by_gains;
+}
+
+constexpr float rest_velocity_of(const TickConfig& config, std::size_t joint) {
+  return config.rest_velocity * config.joints[joint].limits.per_rad;
 }
 
 // Those that never have power from us.

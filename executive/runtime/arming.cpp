@@ -10,6 +10,7 @@
 #include <span>
 #include <string_view>
 
+#include "config/joint_units.hpp"
 #include "config/units.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "executive/pipeline/control_tick.hpp"
@@ -77,9 +78,11 @@ std::string still_moves(const TickRecord& latest, JointMask asked, const pipelin
   for (std::size_t j = 0; j < std::min<std::size_t>(latest.header.joint_count, joints.size()); ++j)
     if ((asked & bit_of_joint(j)) != 0 && (!fastest || speed(j) > speed(*fastest))) fastest = j;
   if (!fastest) return fmt::format("the robot still moves: {}", kAwaitRest);
-  return fmt::format("joint {} still moves, at {:.2f} rad/s, and rests once below {:g} for {}: {}",
-                     joints[*fastest].name, speed(*fastest), config.rest_velocity,
-                     config::format_duration(pipeline::kRestDwell), kAwaitRest);
+  const config::Joint& joint = joints[*fastest];
+  return fmt::format("joint {} still moves, at {:.3g} {}, and rests once below {:g} for {}: {}", joint.name,
+                     speed(*fastest), config::kJointVelocity.unit(joint.kind),
+                     pipeline::rest_velocity_of(config, *fastest), config::format_duration(pipeline::kRestDwell),
+                     kAwaitRest);
 }
 
 std::string active_causes(const TickRecordHeader& tick) {

@@ -6,6 +6,9 @@
 
 #include <string>
 
+#include "config/joint_units.hpp"
+#include "executive/pipeline/joint_watch.hpp"
+
 namespace takt::runtime {
 namespace {
 
@@ -45,12 +48,13 @@ void Journal::policy_change(const TickRecord& record) {
               tick.candidate.in_charge != 0 ? "the candidate" : "the robot's own policy");
 }
 
-void Journal::moved_unheard(const TickRecord& record, std::size_t joint, const std::string& joint_name) {
+void Journal::moved_unheard(const TickRecord& record, std::size_t index, const config::Joint& joint) {
   spdlog::warn(
-      "joint {}: reads {:.4f} rad after a silence of its drive, more than 0.05 rad from before: it was moved, or its "
-      "drive "
-      "lost its zero (tick {}, {})",
-      joint_name, record.joints[joint].feedback.q, record.header.tick, name(record.header.mode));
+      "joint {}: reads {:.4f} {} after a silence of its drive, more than {:g} {} from before: it was moved, or its "
+      "drive lost its zero (tick {}, {})",
+      joint.name, record.joints[index].feedback.q, config::kJointPosition.unit(joint.kind),
+      static_cast<double>(pipeline::kMovedUnheard) * config::per_rad(joint), config::kJointPosition.unit(joint.kind),
+      record.header.tick, name(record.header.mode));
 }
 
 void Journal::summarise(MonoTime now, const StatusSnapshot& status) {

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "config/robot_config.hpp"
 #include "executive/contract/mono_time.hpp"
 #include "executive/contract/session.hpp"
 #include "executive/incident/incident.hpp"
@@ -20,7 +21,7 @@ class Journal {
   // A change of policy that was asked for, came, or did not.
   static void policy_change(const TickRecord& record);
   // A joint that reads elsewhere after a silence of its drive.
-  static void moved_unheard(const TickRecord& record, std::size_t joint, const std::string& name);
+  static void moved_unheard(const TickRecord& record, std::size_t index, const config::Joint& joint);
   // Call it often; it says what is new since it last spoke.
   void summarise(MonoTime now, const StatusSnapshot& status);
 

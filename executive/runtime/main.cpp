@@ -101,14 +101,13 @@ int run(const Options& options) {
   RecordedThrough recorded;
   StatusBoard board;
   IncidentWatch incidents(*robot);
-  TickFollower follower(published->tick_reader(), tick_config->rest_velocity, pipeline::passive_joints(*tick_config),
-                        [&](const TickRecord& record) {
-                          Journal::transition(record, incidents.stands() ? incidents.latest() : std::nullopt);
-                        });
+  TickFollower follower(published->tick_reader(), *tick_config, [&](const TickRecord& record) {
+    Journal::transition(record, incidents.stands() ? incidents.latest() : std::nullopt);
+  });
   follower.tell(incidents);
   follower.on_policy_change(&Journal::policy_change);
   follower.on_moved_unheard([&robot](const TickRecord& record, std::size_t joint) {
-    Journal::moved_unheard(record, joint, robot->joints[joint].name);
+    Journal::moved_unheard(record, joint, robot->joints[joint]);
   });
   TransmitQueues queues(robot->freshness.max_age, interfaces_of(robot->buses));
   follower.tell(queues.watch());

@@ -11,6 +11,7 @@
 #include <thread>
 #include <utility>
 
+#include "config/joint_units.hpp"
 #include "config/turns.hpp"
 #include "drivers/bus/open_bus.hpp"
 #include "drivers/protocol/home_note.hpp"
@@ -38,8 +39,9 @@ std::expected<drivers::OpenedBus, std::string> open_patiently(const config::Robo
 void tell_of_homes(const config::RobotConfig& robot, std::span<const std::optional<drivers::HomeNote>> notes) {
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
     if (notes[joint])
-      spdlog::info("joint {}: a person said that it is at {:.4f} rad; its drive reads {:.4f} rad less",
-                   robot.joints[joint].name, notes[joint]->left_at, notes[joint]->shift);
+      spdlog::info("joint {0}: a person said that it is at {1:.4f} {3}; its drive reads {2:.4f} {3} less",
+                   robot.joints[joint].name, notes[joint]->left_at, notes[joint]->shift,
+                   config::kJointPosition.unit(robot.joints[joint].kind));
 }
 
 // The first frame among those that arrived which only a controller of these drives sends.

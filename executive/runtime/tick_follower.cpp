@@ -7,8 +7,8 @@
 
 namespace takt::runtime {
 
-TickFollower::TickFollower(ipc::SlotReader ticks, float rest_velocity, JointMask passive, OnTransition on_transition)
-    : ticks_(ticks), rest_velocity_(rest_velocity), passive_(passive), on_transition_(std::move(on_transition)) {}
+TickFollower::TickFollower(ipc::SlotReader ticks, const pipeline::TickConfig& config, OnTransition on_transition)
+    : ticks_(ticks), config_(config), on_transition_(std::move(on_transition)) {}
 
 void TickFollower::catch_up() {
   while (true) {
@@ -28,7 +28,8 @@ void TickFollower::follow() {
   follow_places();
   last_read_.at(static_cast<std::size_t>(tick.operator_request)) = tick.tick;
   const std::span joints(latest_.joints, std::min<std::size_t>(tick.joint_count, kMaxJoints));
-  rest_.follow(tick.now, joints, asked_for_rest(), rest_velocity_);
+  rest_.follow(tick.now, joints, asked_for_rest(),
+               [this](std::size_t joint) { return pipeline::rest_velocity_of(config_, joint); });
 }
 
 void TickFollower::follow_places() {
@@ -47,7 +48,7 @@ JointMask TickFollower::asked_for_rest() const {
     const bool given_up = latest_.header.drives_enabled != 0 && latest_.joints[j].drive_enabled == 0;
     if (!given_up) asked |= bit_of_joint(j);
   }
-  return asked & ~passive_;
+  return asked & ~pipeline::passive_joints(config_);
 }
 
 bool TickFollower::noticed(OperatorRequest request, std::uint64_t after_tick) const {

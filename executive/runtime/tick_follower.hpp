@@ -12,6 +12,7 @@
 #include "executive/incident/incident.hpp"
 #include "executive/ipc/slot_ring.hpp"
 #include "executive/pipeline/rest_watch.hpp"
+#include "executive/pipeline/tick_config.hpp"
 #include "executive/runtime/queue_watch.hpp"
 
 namespace takt::runtime {
@@ -20,9 +21,9 @@ class TickFollower {
  public:
   using OnTransition = std::function<void(const TickRecord&)>;
 
-  // `rest_velocity` in rad/s; `passive` joints are not asked whether they rest. on_transition is called for every
-  // record in which the mode changed.
-  TickFollower(ipc::SlotReader ticks, float rest_velocity, JointMask passive, OnTransition on_transition);
+  // Passive joints of `config`, which outlives the follower, are not asked whether they rest. on_transition is called
+  // for every record in which the mode changed.
+  TickFollower(ipc::SlotReader ticks, const pipeline::TickConfig& config, OnTransition on_transition);
   // Called for every record in which a change of policy was asked for, came, or did not.
   void on_policy_change(OnTransition called) { on_policy_change_ = std::move(called); }
   // Called once for every joint that reads elsewhere after a silence (ReplyFault::moved_unheard).
@@ -55,8 +56,7 @@ class TickFollower {
   void follow_places();
 
   ipc::SlotReader ticks_;
-  float rest_velocity_;
-  JointMask passive_;
+  const pipeline::TickConfig& config_;
   OnTransition on_transition_;
   OnTransition on_policy_change_;
   OnJoint on_moved_unheard_;

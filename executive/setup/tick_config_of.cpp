@@ -64,7 +64,8 @@ pipeline::JointConfig joint_of(const Joint& from) {
                .kd_max = narrow(from.limits.kd),
                .q_hard_margin = narrow(from.limits.position_margin),
                .velocity_hard = narrow(from.limits.velocity_hard),
-               .target_margin = narrow(from.limits.target_margin)};
+               .target_margin = narrow(from.limits.target_margin),
+               .per_rad = narrow(per_rad(from))};
   if (const auto& limits = from.limits.temperature)
     to.temperature = {narrow(limits->warning), narrow(limits->stop), narrow(limits->casing_warning),
                       narrow(limits->casing_stop)};
@@ -83,13 +84,15 @@ pipeline::JointConfig joint_of(const Joint& from) {
   return to;
 }
 
-pipeline::LinkModel link_of(const Link& from) {
+pipeline::LinkModel link_of(const Link& from, const Joint& joint) {
   const double length = std::hypot(from.axis[0], from.axis[1], from.axis[2]);
   const Vector3 unit_axis{from.axis[0] / length, from.axis[1] / length, from.axis[2] / length};
   return {.parent = from.parent,
           .origin_xyz = narrow(from.origin_xyz),
           .origin_rotation = rotation_of(from.origin_rpy),
           .axis = narrow(unit_axis),
+          .slides = joint.kind == JointKind::slide,
+          .farthest = narrow(std::max(std::abs(joint.limits.q_min), std::abs(joint.limits.q_max))),
           .mass = narrow(from.mass),
           .com = narrow(from.com)};
 }
@@ -238,7 +241,8 @@ void set_fallback(const RobotConfig& robot, std::uint64_t fallback_hash, pipelin
   if (chosen->kind == FallbackKind::policy) return;
   for (std::size_t j = 0; j < robot.joints.size(); ++j) {
     tick.joints[j].fallback_pose = narrow(chosen->pose[j]);
-    tick.joints[j].fallback_speed = narrow(chosen->speed);
+    tick.joints[j].fallback_speed =
+        narrow(robot.joints[j].kind == JointKind::slide ? chosen->slide_speed : chosen->speed);
   }
   for (const FeedbackRow& row : chosen->gains) {
     for (std::size_t k = 0; k < robot.joints.size(); ++k)
@@ -296,7 +300,8 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   if (robot.model) {
     tick.gravity = narrow(robot.model->gravity);
     tick.gravity_compensation = true;
-    for (std::size_t j = 0; j < robot.model->links.size(); ++j) tick.links[j] = link_of(robot.model->links[j]);
+    for (std::size_t j = 0; j < robot.model->links.size(); ++j)
+      tick.links[j] = link_of(robot.model->links[j], robot.joints[j]);
   }
   tick.holds_at_once = config::holds_at_once(robot);
   return tick;

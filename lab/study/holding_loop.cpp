@@ -23,7 +23,9 @@ std::expected<std::unique_ptr<HoldingLoop>, std::string> HoldingLoop::make(const
                                                                            std::unique_ptr<plant::Dynamics> dynamics,
                                                                            const Eigen::VectorXd& pose) {
   if (!robot.simulation) return std::unexpected(robot.file + ": no `simulation`: there is no plant to measure on");
-  auto probed = std::make_unique<ProbedDynamics>(std::move(dynamics), robot.simulation->coulomb);
+  std::vector<plant::Friction> friction;
+  for (const config::Joint& joint : robot.joints) friction.push_back(plant::friction_of(*robot.simulation, joint));
+  auto probed = std::make_unique<ProbedDynamics>(std::move(dynamics), std::move(friction));
   ProbedDynamics& probe = *probed;
   auto plant = plant::Plant::make(robot, std::move(probed));
   if (!plant) return std::unexpected(plant.error());
@@ -107,7 +109,11 @@ std::string HoldingLoop::trouble() {
 }
 
 double HoldingLoop::fastest() const {
-  return plant_.state().dq.cwiseAbs().maxCoeff();
+  double fastest = 0;
+  for (std::size_t joint = 0; joint < robot_.joints.size(); ++joint)
+    fastest = std::max(fastest, std::abs(plant_.state().dq[static_cast<Eigen::Index>(joint)]) /
+                                    config::per_rad(robot_.joints[joint]));
+  return fastest;
 }
 
 std::expected<void, std::string> HoldingLoop::arm() {

@@ -8,6 +8,7 @@
 
 #include "executive/pipeline/gravity_model.hpp"
 #include "executive/setup/tick_config_of.hpp"
+#include "simulation/plant.hpp"
 
 namespace takt::margin {
 namespace {
@@ -61,7 +62,9 @@ std::string no_loop(const config::Joint& joint) {
 
 std::expected<InnerLoop, std::string> InnerLoop::make(const config::RobotConfig& robot, plant::Dynamics& dynamics,
                                                       const Eigen::VectorXd& pose) {
-  const Eigen::VectorXd viscous = Eigen::VectorXd::Constant(pose.size(), robot.simulation->viscous);
+  Eigen::VectorXd viscous(pose.size());
+  for (Eigen::Index j = 0; j < pose.size(); ++j)
+    viscous[j] = plant::friction_of(*robot.simulation, robot.joints[static_cast<std::size_t>(j)]).viscous;
   const auto linear = linearise(dynamics, pose, viscous);
   if (!linear) return std::unexpected(robot.file + ": " + linear.error());
   std::vector<Gains> gains;

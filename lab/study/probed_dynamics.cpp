@@ -20,7 +20,8 @@ void ProbedDynamics::integrate(plant::ArmState& state, const Eigen::VectorXd& ta
   record_.control.push_back(tau[joint_]);
   record_.total.push_back(total[joint_]);
   std::vector<plant::Friction> smooth = friction;
-  for (plant::Friction& joint : smooth) joint.coulomb = std::max(joint.coulomb - coulomb_, 0.0);
+  for (std::size_t joint = 0; joint < smooth.size(); ++joint)
+    smooth[joint].coulomb = std::max(smooth[joint].coulomb - own_[joint].coulomb, 0.0);
   bare_->integrate(state, total, smooth, step);
 }
 

@@ -19,7 +19,9 @@ struct ProbeRecord {
 
 class ProbedDynamics final : public plant::Dynamics {
  public:
-  ProbedDynamics(std::unique_ptr<plant::Dynamics> bare, double coulomb) : bare_(std::move(bare)), coulomb_(coulomb) {}
+  // `own`: the robot file's friction, by joint.
+  ProbedDynamics(std::unique_ptr<plant::Dynamics> bare, std::vector<plant::Friction> own)
+      : bare_(std::move(bare)), own_(std::move(own)) {}
 
   // From the next step on; amplitude 0 adds nothing and goes on recording.
   void inject(std::size_t joint, double amplitude, double omega);
@@ -29,7 +31,7 @@ class ProbedDynamics final : public plant::Dynamics {
 
  private:
   std::unique_ptr<plant::Dynamics> bare_;
-  double coulomb_;
+  std::vector<plant::Friction> own_;
   Eigen::Index joint_ = 0;
   double amplitude_ = 0, omega_ = 0;
   ProbeRecord record_;

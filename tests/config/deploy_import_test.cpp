@@ -488,7 +488,7 @@ TEST(DeployImport, MotorsAreNumberedAsTheActuatorsStand) {
   model.motors = {"knee"};
   const std::string partly = import_with(model, true).value();
   EXPECT_EQ(parse(partly, "r")->joints[0].name, "hip");
-  EXPECT_NE(partly.find("# Note: motors are numbered as the model's bodies stand: 1 of its 2 hinges have an actuator"),
+  EXPECT_NE(partly.find("# Note: motors are numbered as the model's bodies stand: 1 of its 2 joints have an actuator"),
             std::string::npos)
       << partly;
 }
@@ -517,7 +517,7 @@ TEST(DeployImport, WritesTextOfOthersAsText) {
 TEST(DeployImport, AModelOfAnotherRobotIsRefused) {
   ModelFacts model = two_hinges();
   model.joints.resize(1);
-  EXPECT_NE(import_with(model, true).error().find("the model has 1 hinges, the policy moves 2"), std::string::npos);
+  EXPECT_NE(import_with(model, true).error().find("the model has 1 joints, the policy moves 2"), std::string::npos);
 }
 
 TEST(DeployImport, RefusesNamesThatDoNotFit) {

@@ -44,7 +44,9 @@ inline constexpr Refusal kRefusals[] = {
     Refusal{"a quantity of another dimension", "torque: 12 Nm", "torque: 12 rad",
             "26:15: joints[0].limits.torque: 12 rad is an angle, not a torque; write it in Nm"},
     Refusal{"a force for a torque", "torque: 12 Nm", "torque: 12 N",
-            "26:15: joints[0].limits.torque: 12 N is a force, not a torque; write it in Nm"},
+            "26:15: joints[0].limits.torque: 12 N is a force, not a torque; write it in Nm, or write `kind: slide` "
+            "into the "
+            "joint"},
     Refusal{"an abbreviation that is no unit", "torque: 12 Nm", "torque: 12 nm",
             "26:15: joints[0].limits.torque: 12 nm is not a torque; write it in Nm"},
     Refusal{"a unit in the wrong case", "120 ms", "120 MS",

@@ -257,14 +257,15 @@ TEST_F(ModelSurveyTest, AMutatedModelIsReadOrRefusedInALine) {
 }
 
 // Goal: what has an equality or a <mimic> follows in simulation and gets no drive, other objects' joints are not the
-// robot's, and slides are named. Method: an MJCF with each of them, a URDF with a mimic.
+// robot's, and a gripper's second finger follows the first. Method: an MJCF with each of them, a URDF with a mimic.
 TEST_F(ModelSurveyTest, WhatNoDriveMovesIsNamed) {
   const auto facts = survey(kFramed);
   ASSERT_TRUE(facts) << facts.error();
-  ASSERT_EQ(facts->joints.size(), 1U);
+  ASSERT_EQ(facts->joints.size(), 2U);
   EXPECT_EQ(facts->joints[0].name, "arm/hip:1");
-  ASSERT_EQ(facts->slides.size(), 1U);
-  EXPECT_EQ(facts->slides[0].name, "finger");
+  EXPECT_EQ(facts->joints[0].kind, config::JointKind::hinge);
+  EXPECT_EQ(facts->joints[1].name, "finger");
+  EXPECT_EQ(facts->joints[1].kind, config::JointKind::slide);
   const std::string remarks = fmt::format("{}", fmt::join(facts->remarks, "\n"));
   EXPECT_NE(remarks.find("other objects than the robot are not the robot's: lid"), std::string::npos) << remarks;
   EXPECT_NE(remarks.find("follow another one have no drive of their own: finger2"), std::string::npos) << remarks;

@@ -56,6 +56,11 @@ TEST(Brake, GravityAsksAndChangesNoMoreThanItsBounds) {
   for (int robot = 0; robot < 50; ++robot) {
     TickConfig config = scarce_robot(6, dice);
     if (robot % 2 == 0) config.links[3].parent = 1;  // a branch
+    if (robot % 3 == 0)
+      for (LinkModel* const link : {&config.links[1], &config.links[4]}) {
+        link->slides = true;
+        link->farthest = 4;  // m
+      }
     const GravityModel model(config);
     for (int i = 0; i < 200; ++i) {
       std::array<float, kMaxJoints> from{}, to{}, moves{}, before{}, after{}, swing{};

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: gravity torques are right for any tree. Method: random trees; the torque must equal the slope of the potential
-// energy, computed in double precision by forward kinematics with matrices, which shares nothing with the recursion;
-// and KDL's inverse dynamics of the same tree at rest.
+// Goal: gravity torques are right for any tree of hinges and slides. Method: random trees; the torque must equal the
+// slope of the potential energy, computed in double precision by forward kinematics with matrices, which shares nothing
+// with the recursion; and KDL's inverse dynamics of the same tree at rest.
 #include "executive/pipeline/gravity_model.hpp"
 
 #include <gtest/gtest.h>
@@ -41,6 +41,8 @@ RandomTree random_tree(std::uint32_t seed) {
     for (float& v : link.com) v = 0.2F * unit(random);
     link.mass = 1.0F + unit(random);
     tree.q[i] = 3.0F * unit(random);
+    link.slides = random() % 4 == 0;
+    if (link.slides) tree.q[i] *= 0.1F;
   }
   return tree;
 }
@@ -60,7 +62,12 @@ double potential_energy(const TickConfig& config, const std::vector<double>& q) 
     origin.translation() = vec(link.origin_xyz);
     const Eigen::Isometry3d above =
         link.parent < 0 ? Eigen::Isometry3d::Identity() : frames[static_cast<std::size_t>(link.parent)];
-    frames[i] = above * origin * Eigen::AngleAxisd(q[i], vec(link.axis).normalized());
+    const Eigen::Vector3d axis = vec(link.axis).normalized();
+    frames[i] = above * origin;
+    if (link.slides)
+      frames[i] = frames[i] * Eigen::Translation3d(q[i] * axis);
+    else
+      frames[i] = frames[i] * Eigen::AngleAxisd(q[i], axis);
     energy -= static_cast<double>(link.mass) * vec(config.gravity).dot(frames[i] * vec(link.com));
   }
   return energy;
@@ -100,7 +107,7 @@ KDL::Tree kdl_tree(const TickConfig& config) {
     const std::string hook = link.parent < 0 ? "base" : "link" + std::to_string(link.parent);
     tree.addSegment(KDL::Segment(name + "_origin", KDL::Joint(KDL::Joint::None), origin), hook);
     const KDL::Joint joint("joint" + std::to_string(1000 + i), KDL::Vector::Zero(), kdl(link.axis),
-                           KDL::Joint::RotAxis);
+                           link.slides ? KDL::Joint::TransAxis : KDL::Joint::RotAxis);
     tree.addSegment(KDL::Segment(name, joint, KDL::Frame::Identity(),
                                  KDL::RigidBodyInertia(static_cast<double>(link.mass), kdl(link.com))),
                     name + "_origin");

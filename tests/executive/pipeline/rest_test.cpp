@@ -188,7 +188,7 @@ int tick_of_rest(Position&& position) {
   for (int tick = 1; tick <= 2'000; ++tick) {
     joint.q_estimate = std::floor(position(static_cast<float>(tick) * 0.001F) / kStep) * kStep;
     const MonoTime now = MonoTime{} + milliseconds(tick);
-    watch.follow(now, std::span(&joint, 1), JointMask{1}, 0.02F);
+    watch.follow(now, std::span(&joint, 1), JointMask{1}, [](std::size_t) { return 0.02F; });
     if (watch.rests(now)) return tick;
   }
   return 0;
@@ -210,11 +210,11 @@ TEST(Rest, AJointThatIsNotAskedMayMove) {
   std::array<JointRecord, 2> joints;
   for (int tick = 1; tick <= 101; ++tick) {
     joints[1].q_estimate += 0.01F;
-    watch.follow(MonoTime{} + milliseconds(tick), joints, JointMask{1}, 0.02F);
+    watch.follow(MonoTime{} + milliseconds(tick), joints, JointMask{1}, [](std::size_t) { return 0.02F; });
   }
   EXPECT_TRUE(watch.rests(MonoTime{} + milliseconds(101)));
   joints[1].q_estimate += 0.01F;
-  watch.follow(MonoTime{} + milliseconds(102), joints, JointMask{3}, 0.02F);
+  watch.follow(MonoTime{} + milliseconds(102), joints, JointMask{3}, [](std::size_t) { return 0.02F; });
   EXPECT_FALSE(watch.rests(MonoTime{} + milliseconds(102))) << "from now on it is asked, and it moved";
 }
 

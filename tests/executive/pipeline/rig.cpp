@@ -125,9 +125,11 @@ void Rig::move() {
       continue;
     }
     if (!drive.gripped) drive.gripped_at = drive.q;
-    const float hand = drive.gripped ? kHandStiffness * (drive.gripped_at - drive.q) - kHandDamping * drive.dq : 0.0F;
+    const float per_rad = config.joints[j].limits.per_rad, square = per_rad * per_rad;  // slides: of their motors
+    const float hand =
+        drive.gripped ? (kHandStiffness * (drive.gripped_at - drive.q) - kHandDamping * drive.dq) / square : 0.0F;
     const float inertia = kTrueInertiaFactor * config.joints[j].inertia;
-    drive.dq += dt * (drive.tau + hand - gravity[j] - kFriction * drive.dq) / inertia;
+    drive.dq += dt * (drive.tau + hand - gravity[j] - kFriction / square * drive.dq) / inertia;
     drive.q += dt * drive.dq;
   }
 }

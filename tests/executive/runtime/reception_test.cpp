@@ -53,8 +53,7 @@ class ReceptionTest : public testing::Test {
     loop_ = std::make_unique<CyclicLoop>(LoopParts{*config_, clock_, *edge_, mailboxes_, fallback_mailboxes_,
                                                    candidate_mailboxes_, requests_, recorded_, published_, board_},
                                          LoopTiming{{}, {}, 1000});
-    follower_ =
-        std::make_unique<TickFollower>(published_.tick_reader(), config_->rest_velocity, 0, [](const TickRecord&) {});
+    follower_ = std::make_unique<TickFollower>(published_.tick_reader(), *config_, [](const TickRecord&) {});
     follower_->tell(incidents_);
     auto opened =
         Reception::open(path(), {robot_, *config_, admission_rules(robot_, kPolicyHash),

@@ -29,8 +29,16 @@ class TickFollowerTest : public testing::Test {
     published_.tick(record);
   }
   PublishedSegments published_ = PublishedSegments::create(2).value();
+  static pipeline::TickConfig two_joints(bool is_second_passive) {
+    pipeline::TickConfig config;
+    config.joint_count = 2;
+    config.rest_velocity = 0.02F;
+    config.joints[1].passive = is_second_passive;
+    return config;
+  }
   std::vector<Mode> entered_;
-  TickFollower follower_{published_.tick_reader(), 0.02F, 0,
+  const pipeline::TickConfig config_ = two_joints(false);
+  TickFollower follower_{published_.tick_reader(), config_,
                          [this](const TickRecord& record) { entered_.push_back(record.header.mode); }};
   std::uint64_t tick_ = 0;
   float q_ = 0;  // rad, joint 1
@@ -83,7 +91,8 @@ TEST_F(TickFollowerTest, AJointThatMovedUnheardIsToldOfOnce) {
 
 // Goal: a pole that nobody drives may swing on; its cart's process ends all the same.
 TEST_F(TickFollowerTest, APassiveJointIsNotAskedWhetherItRests) {
-  TickFollower follower(published_.tick_reader(), 0.02F, JointMask{2}, [](const TickRecord&) {});
+  const pipeline::TickConfig config = two_joints(true);
+  TickFollower follower(published_.tick_reader(), config, [](const TickRecord&) {});
   for (int i = 0; i < 101; ++i) publish(Mode::damped_stop, 3);
   follower.catch_up();
   follower_.catch_up();

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+// Goal: a joint that slides is in metres and newtons, and nothing else about a robot file changes. Method: the small
+// robot's knee as a slide; each of its keys in the other kind's unit is refused with one sentence that says how the
+// joint becomes one of that kind.
+#include "config/joint_units.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "config/load.hpp"
+#include "tests/config/small_robot.hpp"
+
+namespace takt::config {
+namespace {
+
+// Between "  - name: knee" and the model.
+constexpr std::string_view kSlide = R"(  - name: knee
+    kind: slide
+    bus: left
+    drive: { protocol: mit, variant: tmotor, id: 0x02, reply_id: 0, gear_ratio: 100 rad/m, offset: 1 mm, position_range: 12.5 rad, velocity_range: 50 rad/s, torque_range: 2 Nm, kp_range: 5 Nm/rad, kd_range: 0.5 Nms/rad, position_after_power_up: absolute }
+    limits: { position: [0 m, 40 mm], position_margin: 2 mm, velocity: 100 mm/s, velocity_hard: 0.4 m/s, acceleration: 5 m/s2, torque: 60 N, torque_rate: 3000 N/s, kp: 4000 N/m, kd: 400 Ns/m }
+    gains: { kp: 2000 N/m, kd: 90 Ns/m, damping: 90 Ns/m }
+    inertia: 0.4 kg
+    inertia_max: 0.5 kg
+    home: 20 mm
+)";
+
+std::string replaced(std::string text, std::string_view from, std::string_view to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return at == std::string::npos ? text : text.replace(at, from.size(), to);
+}
+
+std::string with_slide(std::string_view from = "", std::string_view to = "") {
+  std::string text(test::kSmallRobot);
+  const std::size_t knee = text.find("  - name: knee"), model = text.find("model:\n");
+  text.replace(knee, model - knee, from.empty() ? std::string(kSlide) : replaced(std::string(kSlide), from, to));
+  return replaced(text, "pose: [0 rad, 10 deg]", "pose: [0 rad, 10 mm]");
+}
+
+std::string refusal_of(const std::string& text) {
+  const auto robot = parse(text, "r");
+  return robot ? "" : robot.error();
+}
+
+TEST(Slide, IsInMetresAndNewtons) {
+  const auto robot = parse(with_slide(), "r");
+  ASSERT_TRUE(robot) << robot.error();
+  const Joint& slide = robot->joints[1];
+  EXPECT_EQ(slide.kind, JointKind::slide);
+  EXPECT_EQ(robot->joints[0].kind, JointKind::hinge);
+  EXPECT_EQ(slide.limits.q_max, 0.04);
+  EXPECT_EQ(slide.limits.velocity, 0.1);
+  EXPECT_EQ(slide.limits.torque, 60);
+  EXPECT_EQ(slide.limits.target_margin, 0.005) << "its default is no angle";
+  EXPECT_EQ(slide.kp, 2000);
+  EXPECT_EQ(slide.inertia, 0.4);
+  EXPECT_EQ(slide.home, 0.02);
+  EXPECT_EQ(slide.drive.gear_ratio, 100);
+  EXPECT_EQ(slide.drive.offset, 0.001);
+  EXPECT_EQ(per_rad(slide), 0.01);
+  EXPECT_EQ(robot->fallbacks[0].pose[1], 0.01);
+  EXPECT_EQ(robot->fallbacks[0].slide_speed, 0.05);
+  EXPECT_EQ(kJointStiffness.unit(slide.kind), "N/m");
+}
+
+TEST(Slide, ReadsBackFromItsCanonicalTextToTheSameHash) {
+  const auto robot = parse(with_slide(), "r");
+  ASSERT_TRUE(robot) << robot.error();
+  const auto again = parse(robot->resolved, "r");
+  ASSERT_TRUE(again) << again.error() << robot->resolved;
+  EXPECT_EQ(again->sha256, robot->sha256);
+  EXPECT_EQ(parse(with_every_default(*robot), "r").value().sha256, robot->sha256);
+  EXPECT_NE(robot->resolved.find("kind: slide"), std::string::npos) << robot->resolved;
+}
+
+// What a hinge's file says and means is as it was: the kind is a default, and leaves no trace.
+TEST(Slide, AHingeKeepsItsText) {
+  const auto robot = parse(test::kSmallRobot, "r");
+  ASSERT_TRUE(robot) << robot.error();
+  const auto said = parse(test::with("  - name: knee\n", "  - name: knee\n    kind: hinge\n"), "r");
+  ASSERT_TRUE(said) << said.error();
+  EXPECT_EQ(said->sha256, robot->sha256);
+  EXPECT_EQ(robot->resolved.find("kind: hinge"), std::string::npos);
+  EXPECT_EQ(robot->resolved.find("slide"), std::string::npos) << robot->resolved;
+}
+
+struct OtherUnit {
+  std::string_view from, to, key;
+};
+
+TEST(Slide, WhatIsInAHingesUnitIsRefused) {
+  for (const OtherUnit& each :
+       {OtherUnit{"[0 m, 40 mm]", "[0 rad, 40 mm]", "limits.position"},
+        OtherUnit{"position_margin: 2 mm", "position_margin: 2 deg", "limits.position_margin"},
+        OtherUnit{"velocity: 100 mm/s", "velocity: 1 rad/s", "limits.velocity"},
+        OtherUnit{"velocity_hard: 0.4 m/s", "velocity_hard: 4 deg/s", "limits.velocity_hard"},
+        OtherUnit{"acceleration: 5 m/s2", "acceleration: 5 rad/s2", "limits.acceleration"},
+        OtherUnit{"torque: 60 N,", "torque: 60 Nm,", "limits.torque"},
+        OtherUnit{"torque_rate: 3000 N/s", "torque_rate: 3000 Nm/s", "limits.torque_rate"},
+        OtherUnit{"kp: 4000 N/m", "kp: 4000 Nm/rad", "limits.kp"},
+        OtherUnit{"kd: 400 Ns/m", "kd: 400 Nms/rad", "limits.kd"},
+        OtherUnit{"kp: 2000 N/m", "kp: 2000 Nm/rad", "gains.kp"},
+        OtherUnit{"damping: 90 Ns/m", "damping: 90 Nms/rad", "gains.damping"},
+        OtherUnit{"inertia: 0.4 kg", "inertia: 0.4 kgm2", "inertia"},
+        OtherUnit{"inertia_max: 0.5 kg", "inertia_max: 0.5 kgm2", "inertia_max"},
+        OtherUnit{"home: 20 mm", "home: 20 deg", "home"}, OtherUnit{"offset: 1 mm", "offset: 1 rad", "drive.offset"},
+        OtherUnit{"gear_ratio: 100 rad/m", "gear_ratio: 100", "drive.gear_ratio"}}) {
+    const std::string said = refusal_of(with_slide(each.from, each.to));
+    EXPECT_NE(said.find(fmt::format("joints[1].{}: ", each.key)), std::string::npos) << each.to << ": " << said;
+    EXPECT_TRUE(said.ends_with(", or leave `kind: slide` out")) << each.to << ": " << said;
+    EXPECT_EQ(said.find('\n'), std::string::npos) << said;
+  }
+}
+
+TEST(Slide, WhatIsInASlidesUnitIsRefusedOfAHinge) {
+  for (const OtherUnit& each :
+       {OtherUnit{"[-1 rad, 1 rad]", "[-1 m, 1 rad]", "limits.position"},
+        OtherUnit{"position_margin: 0.1 rad", "position_margin: 1 mm", "limits.position_margin"},
+        OtherUnit{"velocity: 2 rad/s", "velocity: 2 m/s", "limits.velocity"},
+        OtherUnit{"torque: 12 Nm", "torque: 12 N", "limits.torque"},
+        OtherUnit{"kp: 100 Nm/rad", "kp: 100 N/m", "limits.kp"},
+        OtherUnit{"inertia: 0.1 kgm2", "inertia: 0.1 kg", "inertia"},
+        OtherUnit{"id: 1, reply_id: 0,", "id: 1, reply_id: 0, gear_ratio: 100 rad/m,", "drive.gear_ratio"}}) {
+    const std::string said = refusal_of(test::with(each.from, each.to));
+    EXPECT_NE(said.find(fmt::format("joints[0].{}: ", each.key)), std::string::npos) << each.to << ": " << said;
+    EXPECT_TRUE(said.ends_with(", or write `kind: slide` into the joint")) << each.to << ": " << said;
+    EXPECT_EQ(said.find('\n'), std::string::npos) << said;
+  }
+}
+
+TEST(Slide, WhatHasNoMeaningForItIsRefused) {
+  const auto refused = [](const std::string& text, std::string_view sentence) {
+    const std::string said = refusal_of(text);
+    EXPECT_NE(said.find(sentence), std::string::npos) << said;
+  };
+  refused(with_slide(", gear_ratio: 100 rad/m", ""), "key `gear_ratio` is missing in `joints[1].drive`");
+  refused(with_slide("kind: slide", "kind: slides"),
+          "joints[1].kind: kind `slides` is not known; did you mean `slide`?");
+  refused(
+      with_slide("position_after_power_up: absolute", "position_after_power_up: one_of_several, places_per_turn: 9"),
+      "one_of_several counts turns of the joint, which a slide has none of; write unknown");
+  refused(replaced(with_slide(), "pose: [0 rad, 10 mm]", "pose: [0 rad, 10 deg]"),
+          "fallbacks.tuck.pose: 10 deg is an angle, not a length; write it in m or mm");
+  refused(replaced(with_slide(), "pose: [0 rad, 10 mm]", "pose: [0 rad, 50 mm]"),
+          "fallbacks.tuck.pose: 0.05 m for knee is outside its limits [0, 0.04] m; move it inside");
+  refused(replaced(with_slide(), "speed: 0.5 rad/s,", "speed: 0.5 rad/s, slide_speed: 1 m/s,"),
+          "fallbacks.tuck.slide_speed: 1 m/s exceeds the velocity limit 0.1 m/s of knee; lower it");
+  refused(replaced(with_slide(), "offset: home }", "offset: [0 rad, 0 rad] }"),
+          "policy.action.offset: is a list of angles, and a joint slides; write zero, home or measured");
+  refused(with_slide("home: 20 mm", "home: 50 mm"), "home: 0.05 m is outside limits.position [0, 0.04] m");
+  refused(with_slide("velocity_hard: 0.4 m/s", "velocity_hard: 10 mm/s"),
+          "0.01 m/s is below velocity 0.1 m/s; raise it");
+}
+
+}  // namespace
+}  // namespace takt::config

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+// Goal: a joint that slides is treated as its motor would be: no threshold of the tick is a radian by accident. Method:
+// one robot twice, as hinges and as slides whose gear is a power of two, so that every number of the second is one of
+// the first times a power of two. Both live through the same things; what the ticks decide is the same, bit by bit.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <memory>
+
+#include "tests/executive/pipeline/rig.hpp"
+
+namespace takt::pipeline {
+namespace {
+
+constexpr float kWay = 1.0F / 128;  // m per rad
+
+void make_slide(JointConfig& joint) {
+  JointLimits& limits = joint.limits;
+  for (float* const length : {&limits.q_min, &limits.q_max, &limits.velocity, &limits.acceleration,
+                              &limits.q_hard_margin, &limits.velocity_hard, &limits.target_margin, &joint.fallback_pose,
+                              &joint.fallback_speed, &joint.home, &joint.following_error})
+    *length *= kWay;
+  for (float* const force : {&limits.torque, &limits.torque_rate}) *force /= kWay;
+  for (float* const stiffness :
+       {&limits.kp_max, &limits.kd_max, &joint.kp, &joint.kd, &joint.damping, &joint.inertia, &joint.inertia_max})
+    *stiffness /= kWay * kWay;
+  limits.per_rad = kWay;
+}
+
+struct Twins {
+  explicit Twins(TickConfig config) : hinges(config) {
+    for (std::uint32_t j = 0; j < config.joint_count; ++j) make_slide(config.joints[j]);
+    slides = std::make_unique<testing::Rig>(config);
+  }
+  // `happens` is told what a radian is.
+  void go(float target, OperatorRequest request = OperatorRequest::none,
+          const std::function<void(testing::Rig&, float per_rad)>& happens = {}) {
+    if (happens) happens(hinges, 1);
+    if (happens) happens(*slides, kWay);
+    hinges.tick_with_policy(target, request);
+    slides->tick_with_policy(target * kWay, request);
+    const TickRecord &a = hinges.out->record, &b = slides->out->record;
+    ASSERT_EQ(a.header.mode, b.header.mode) << "tick " << a.header.tick;
+    ASSERT_EQ(a.header.causes_active, b.header.causes_active) << "tick " << a.header.tick;
+    for (std::size_t j = 0; j < hinges.config.joint_count; ++j) {
+      const JointRecord &hinge = a.joints[j], &slide = b.joints[j];
+      ASSERT_EQ(hinge.q_reference * kWay, slide.q_reference) << "tick " << a.header.tick << " joint " << j;
+      ASSERT_EQ(hinge.q_estimate * kWay, slide.q_estimate) << "tick " << a.header.tick << " joint " << j;
+      ASSERT_EQ(hinge.tau_command / kWay, slide.tau_command) << "tick " << a.header.tick << " joint " << j;
+      ASSERT_EQ(hinge.interventions, slide.interventions) << "tick " << a.header.tick << " joint " << j;
+      ASSERT_EQ(hinge.reply_faults, slide.reply_faults) << "tick " << a.header.tick << " joint " << j;
+      ASSERT_EQ(hinge.behind, slide.behind) << "tick " << a.header.tick << " joint " << j;
+    }
+  }
+  void run(int ticks, const std::function<float(float)>& target,
+           const std::function<void(testing::Rig&, float)>& happens = {}) {
+    for (int i = 0; i < ticks; ++i)
+      ASSERT_NO_FATAL_FAILURE(go(target(static_cast<float>(i) * 1e-3F), OperatorRequest::none, happens));
+  }
+  void arm() {
+    run(40, [](float) { return 0.0F; });
+    go(0, OperatorRequest::arm);
+    run(60, [](float) { return 0.0F; });
+    ASSERT_EQ(hinges.mode(), Mode::tracking);
+  }
+  testing::Rig hinges;
+  std::unique_ptr<testing::Rig> slides;
+};
+
+float wave(float t) {
+  return 0.8F * std::sin(6 * t);
+}
+
+TEST(SlideScale, PathsAndStopsAreTheSame) {
+  Twins twins(testing::robot(3));
+  twins.arm();
+  twins.run(2000, wave);
+  twins.run(200, [](float) { return 1.0F; });
+  twins.run(200, [](float) { return 5.0F; });  // out of range
+  twins.go(0, OperatorRequest::stop);
+  twins.run(1500, wave);
+  ASSERT_EQ(twins.hinges.mode(), Mode::damped_stop);
+  twins.go(0, OperatorRequest::reset);
+  twins.run(10, wave);
+  EXPECT_EQ(twins.hinges.mode(), Mode::standby) << "both rest";
+}
+
+// What a drive tells is written over in ticks of its own, for both alike.
+TEST(SlideScale, LiesAreFoundAlike) {
+  using Lie = std::function<void(testing::Rig::Drive&, float per_rad)>;
+  const Lie lies[] = {[](auto& drive, float per_rad) { drive.q += 0.3F * per_rad; },
+                      [](auto& drive, float per_rad) { drive.q += 0.03F * per_rad; },
+                      [](auto& drive, float per_rad) { drive.dq += 0.5F * per_rad; },
+                      [](auto& drive, float) { drive.gripped = true; }};
+  for (const Lie& lie : lies) {
+    Twins twins(testing::robot(3));
+    twins.arm();
+    twins.run(300, wave);
+    twins.run(400, wave, [&lie](testing::Rig& rig, float per_rad) { lie(rig.drives[1], per_rad); });
+    twins.run(400, wave);
+  }
+}
+
+// A drive that is silent for long, and reads elsewhere afterwards.
+TEST(SlideScale, WhatMovedUnheardIsAskedAboutAlike) {
+  for (const float far : {0.02F, 0.2F}) {
+    Twins twins(testing::robot(2));
+    twins.arm();
+    const auto silent = [](bool is) { return [is](testing::Rig& rig, float) { rig.drives[1].silent = is; }; };
+    twins.run(300, wave, silent(true));
+    twins.go(0, OperatorRequest::none, [&](testing::Rig& rig, float per_rad) { rig.drives[1].q += far * per_rad; });
+    twins.run(300, wave, silent(false));
+  }
+}
+
+}  // namespace
+}  // namespace takt::pipeline
