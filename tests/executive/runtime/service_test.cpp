@@ -97,7 +97,7 @@ class ServiceTest : public testing::Test {
   config::RobotConfig robot_ = config::load("config/arm6.yaml").value();
   SystemClock clock_;
   LoopRig rig_{6, 2, {{}, {}, 1000}, &clock_};
-  TickFollower follower_{rig_.published.tick_reader(), 0.02F, 0, [](const TickRecord&) {}};
+  TickFollower follower_{rig_.published.tick_reader(), rig_.config, [](const TickRecord&) {}};
   std::optional<DriveCards> cards_;
   TransmitQueues queues_{robot_.freshness.max_age, {}};
   trace::Introduction introduction_{"takt-executive", 0, 0, robot_.joints};
