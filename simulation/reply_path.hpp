@@ -19,7 +19,7 @@ struct LineFaults {
   bool repeat = false;        // everything it says arrives twice
   Duration delay{};           // everything it says arrives this much later, in order
   double drop = 0;            // share of what it says that is lost, 0..1
-  FeedbackFaults feedback{};  // what it says is wrong; joint side
+  FeedbackFaults feedback{};  // what it says is wrong; joint side, of a slide its motor
   bool operator==(const LineFaults&) const = default;
 };
 

@@ -234,6 +234,10 @@ TEST(SlideWithoutMujoco, IsAMassThatItsDrivePushes) {
   const float read = loop.joint(0).feedback.q;
   EXPECT_NEAR(read, plant.state().q[0], 1.5e-4) << "as the drive's 16 bits have it: 12.5 rad, of which 100 are a metre";
   EXPECT_EQ(friction_of(*robot->simulation, robot->joints[0]).coulomb, 0.02 * 100) << "N";
+  plant.set_line(0, {.feedback = {.offset = 0.3}});  // rad, of its motor: 3 mm
+  loop.run(10);
+  EXPECT_NEAR(loop.driver(0).feedback().q - plant.state().q[0], 0.003, 3e-4);
+  EXPECT_EQ(loop.mode(), Mode::fault_latched) << "further than the joint can have moved";
   FreeInertias mass({4});
   ArmState state{Eigen::VectorXd::Zero(1), Eigen::VectorXd::Constant(1, 0.1)};
   for (int i = 0; i < 100; ++i)

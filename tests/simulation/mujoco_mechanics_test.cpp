@@ -185,7 +185,9 @@ TEST_F(MujocoTest, WhatAModelLacksIsSaidInOneSentence) {
   EXPECT_NE(refusal_of(two).find("spare of the same robot"), std::string::npos) << refusal_of(two);
   std::string slide = kHopper;
   slide.replace(slide.find("name=\"hip\""), 0, "type=\"slide\" ");
-  EXPECT_NE(refusal_of(slide).find("a drive's joint is a hinge"), std::string::npos) << refusal_of(slide);
+  EXPECT_NE(refusal_of(slide).find("hip slides, and turns in the robot file; write `kind: slide` there"),
+            std::string::npos)
+      << refusal_of(slide);
   const std::string broken = refusal_of("<mujoco>\n<worldbody>\n<body nonsense=\"1\"/>\n</worldbody></mujoco>");
   EXPECT_NE(broken.find("nonsense"), std::string::npos) << broken;
   EXPECT_NE(broken.find("line 3"), std::string::npos) << "the user's own line: " << broken;
