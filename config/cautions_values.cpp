@@ -262,14 +262,17 @@ void of_policy(const RobotConfig& robot, Cautions& cautions) {
   };
   const std::size_t outputs = action.joint_of_output.empty() ? robot.joints.size() : action.joint_of_output.size();
   std::string joints;
+  bool slides = false;
   for (std::size_t i = 0; i < outputs && driven_by(i) < robot.joints.size(); ++i) {
     const Joint& joint = robot.joints[driven_by(i)];
     const double scale = action.scale.size() > i ? action.scale[i] : action.scale.empty() ? 1 : action.scale[0];
-    if (std::abs(scale) > 2 * (joint.limits.q_max - joint.limits.q_min))
-      joints += (joints.empty() ? "" : ", ") + joint.name;
+    if (std::abs(scale) <= 2 * (joint.limits.q_max - joint.limits.q_min)) continue;
+    joints += (joints.empty() ? "" : ", ") + joint.name;
+    slides |= joint.kind == JointKind::slide;
   }
-  cautions.say_if(!joints.empty(),
-                  "policy.action.scale of " + joints + " is more than twice the joint's range: is it in degrees?");
+  cautions.say_if(!joints.empty(), "policy.action.scale of " + joints +
+                                       " is more than twice the joint's range: is it in " +
+                                       (slides ? "degrees, or mm of a slide?" : "degrees?"));
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "config/joint_units.hpp"
 #include "config/observation_shape.hpp"
 #include "config/units.hpp"
 
@@ -38,21 +39,34 @@ std::string command_text(const RobotConfig& robot, const ObservationTerm& term) 
                      unit == "unit unstated" ? "" : ", " + unit);
 }
 
+// Of joints by number, all where none is named: "rad", "m", or "rad (slides: m)".
+std::string unit_of(const RobotConfig& robot, std::vector<std::size_t> joints, const config::JointQuantity& quantity) {
+  if (joints.empty())
+    for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) joints.push_back(joint);
+  const auto slides = [&](std::size_t joint) { return robot.joints[joint].kind == config::JointKind::slide; };
+  const auto count = std::ranges::count_if(joints, slides);
+  if (count == 0) return std::string(quantity.unit(config::JointKind::hinge));
+  const std::string_view unit = quantity.unit(config::JointKind::slide);
+  if (static_cast<std::size_t>(count) == joints.size()) return std::string(unit);
+  return fmt::format("{} (slides: {})", quantity.unit(config::JointKind::hinge), unit);
+}
+
 std::string source_text(const RobotConfig& robot, const ObservationTerm& term) {
   const std::string imu = robot.imu ? robot.imu->sensor : "none";
-  const auto of_joints = [&](const char* unit) {
-    return fmt::format("{} of {} joints, {}", config::name(term.kind), config::term_width(robot, term), unit);
+  const auto of_joints = [&](const config::JointQuantity& quantity) {
+    return fmt::format("{} of {} joints, {}", config::name(term.kind), config::term_width(robot, term),
+                       unit_of(robot, term.joints.empty() ? robot.policy->joint_order : term.joints, quantity));
   };
   switch (term.kind) {
     case TermKind::joint_position:
-      return of_joints("rad");
+      return of_joints(config::kJointPosition);
     case TermKind::joint_position_relative:
-      return of_joints("rad from home");
+      return of_joints(config::kJointPosition) + " from home";
     case TermKind::joint_velocity:
     case TermKind::drive_velocity:
-      return of_joints("rad/s");
+      return of_joints(config::kJointVelocity);
     case TermKind::joint_torque:
-      return of_joints("Nm");
+      return of_joints(config::kJointTorque);
     case TermKind::base_orientation:
       return fmt::format("base_orientation by sensor {}, base in world, {}", imu,
                          term.order == config::QuaternionOrder::wxyz ? "w x y z" : "x y z w");
@@ -134,20 +148,21 @@ std::vector<std::string> bound_lines(std::span<const FilledTensor> inputs, const
 std::string action_line(const RobotConfig& robot) {
   const config::Action& action = robot.policy->action;
   const std::size_t joints = action.joint_of_output.empty() ? robot.joints.size() : action.joint_of_output.size();
-  const auto kind = [&](const char* name, const char* unit) {
-    return fmt::format("{}: {} of {} joints, {}, times {}", robot.policy->output, name, joints, unit,
+  const auto kind = [&](const char* name, const config::JointQuantity& quantity) {
+    return fmt::format("{}: {} of {} joints, {}, times {}", robot.policy->output, name, joints,
+                       unit_of(robot, action.joint_of_output, quantity),
                        action.scale.empty() ? "1" : numbers_text(action.scale));
   };
   std::string text;
   switch (action.kind) {
     case config::ActionKind::joint_position:
-      text = kind("joint_position", "rad");
+      text = kind("joint_position", config::kJointPosition);
       break;
     case config::ActionKind::joint_velocity:
-      text = kind("joint_velocity", "rad/s");
+      text = kind("joint_velocity", config::kJointVelocity);
       break;
     case config::ActionKind::joint_torque:
-      text = kind("joint_torque", "Nm");
+      text = kind("joint_torque", config::kJointTorque);
       break;
   }
   switch (action.offset) {

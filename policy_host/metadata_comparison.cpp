@@ -7,6 +7,7 @@
 #include <cmath>
 #include <optional>
 
+#include "config/joint_units.hpp"
 #include "config/robot_text.hpp"
 
 namespace takt::policy_host {
@@ -100,11 +101,12 @@ Result check_action(const ExporterMetadata& metadata, const RobotConfig& robot,
     if (!metadata.action_offset.empty()) {
       const double said = one_or_each(metadata.action_offset, i);
       const std::optional<double> has = offset_of(action, *driven[i], i);
+      const std::string_view unit = config::kJointPosition.unit(driven[i]->kind);
       if (std::abs(said - has.value_or(0)) > tolerance_of(metadata))
-        return refuse(robot,
-                      fmt::format("the action of joint {} is from {:g} rad by the policy's metadata, from {} by "
-                                  "policy.action.offset",
-                                  driven[i]->name, said, has ? fmt::format("{:g} rad", *has) : "what is measured"));
+        return refuse(robot, fmt::format("the action of joint {} is from {:g} {} by the policy's metadata, from {} by "
+                                         "policy.action.offset",
+                                         driven[i]->name, said, unit,
+                                         has ? fmt::format("{:g} {}", *has, unit) : "what is measured"));
     }
   }
   return {};

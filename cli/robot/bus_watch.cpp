@@ -10,6 +10,7 @@
 
 #include "cli/json_line.hpp"
 #include "config/drive_ids.hpp"
+#include "config/joint_units.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "executive/contract/feedback_names.hpp"
 #include "executive/contract/monotonic_clock.hpp"
@@ -96,8 +97,10 @@ std::string BusWatch::error_of(std::size_t joint) const {
 }
 
 std::string BusWatch::table(MonoTime now) const {
+  const bool slides = config::has_slides(robot_);
   std::string text = fmt::format("{:<20} {:<8} {:<9} {:<9} {:>9} {:>9} {:>6} {:>9} {:>9}  {}\n", "joint", "bus",
-                                 "protocol", "state", "q [rad]", "tau [Nm]", "[C]", "age [ms]", "replies/s", "error");
+                                 "protocol", "state", slides ? "q [rad,m]" : "q [rad]",
+                                 slides ? "tau[Nm,N]" : "tau [Nm]", "[C]", "age [ms]", "replies/s", "error");
   for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
     const config::Joint& known = robot_.joints[joint];
     const JointFeedback& feedback = joints_[joint].driver->feedback();

@@ -9,6 +9,7 @@
 #include "cli/command.hpp"
 #include "cli/robot/direct_bus.hpp"
 #include "cli/robot/drive_listener.hpp"
+#include "config/joint_units.hpp"
 #include "config/load.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "drivers/tools/discovery.hpp"
@@ -48,27 +49,27 @@ std::expected<int, Refusal> set_zero(const BusZeroOptions& options) {
     return std::unexpected(
         Refusal{kExitFailed, fmt::format("joint {}: {}", joint.name, listener.why_not_disabled(joint.drive))});
   const double before = listener.q();
+  const std::string_view unit = config::kJointPosition.unit(joint.kind);
   const auto frames = drivers::zero_frames(joint.drive);
   if (frames.empty()) {
     fmt::print(
-        "joint {} reads {:.4f} rad; its drive keeps no zero over CAN: write `offset: {:.4f} rad` into its drive\n",
-        joint.name, before, joint.drive.offset - before);
+        "joint {0} reads {1:.4f} {3}; its drive keeps no zero over CAN: write `offset: {2:.4f} {3}` into its drive\n",
+        joint.name, before, joint.drive.offset - before, unit);
     return kExitOk;
   }
   if (!options.yes) {
     fmt::print(
-        "joint {} reads {:.4f} rad; with --yes its drive takes that for its zero, and the joint reads {:.4f} rad\n",
-        joint.name, before, joint.drive.offset);
+        "joint {0} reads {1:.4f} {3}; with --yes its drive takes that for its zero, and the joint reads {2:.4f} {3}\n",
+        joint.name, before, joint.drive.offset, unit);
     return kExitOk;
   }
   for (const drivers::CanFrame& frame : frames) (*bus)->send(frame);
   listener.settle();
-  if (std::abs(listener.q() - joint.drive.offset) > kAtZero)
-    return std::unexpected(
-        Refusal{kExitFailed,
-                fmt::format("joint {} still reads {:.4f} rad: its drive did not take it", joint.name, listener.q())});
+  if (std::abs(listener.q() - joint.drive.offset) > kAtZero * config::per_rad(joint))
+    return std::unexpected(Refusal{kExitFailed, fmt::format("joint {} still reads {:.4f} {}: its drive did not take it",
+                                                            joint.name, listener.q(), unit)});
   const bool is_saved = joint.drive.protocol == config::DriveProtocol::robstride;
-  fmt::print("joint {} read {:.4f} rad and reads {:.4f} rad now; {}\n", joint.name, before, listener.q(),
+  fmt::print("joint {0} read {1:.4f} {3} and reads {2:.4f} {3} now; {4}\n", joint.name, before, listener.q(), unit,
              is_saved ? "its drive was told to save it (type 22)"
                       : "its drive should keep it: look again after its next power-on");
   return kExitOk;

@@ -154,7 +154,8 @@ std::vector<BusPicture> LiveView::buses(MonoTime now) const {
 std::vector<JointPicture> LiveView::joints() const {
   std::vector<JointPicture> pictures;
   for (std::size_t joint = 0; joint < robot_.joints.size(); ++joint) {
-    JointPicture picture{.name = robot_.joints[joint].name, .newest = session_.metrics.joints[joint]};
+    JointPicture picture{
+        .name = robot_.joints[joint].name, .kind = robot_.joints[joint].kind, .newest = session_.metrics.joints[joint]};
     picture.ticks = session_.metrics.interventions[joint];
     if (const std::uint32_t code = picture.newest.feedback.error_code; code != 0)
       picture.error = drivers::error_name(robot_.joints[joint].drive, code);

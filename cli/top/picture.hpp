@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "config/robot_config.hpp"
 #include "executive/contract/tick_record.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
 #include "monitor/telemetry/live_metrics.hpp"
@@ -42,6 +43,7 @@ struct BusPicture {
 
 struct JointPicture {
   std::string name{};
+  config::JointKind kind = config::JointKind::hinge;
   JointRecord newest{};
   std::string error{};                                    // in the drive's own words; empty: none
   InterventionMask recent = 0;                            // in the last second

@@ -68,7 +68,11 @@ std::vector<Line> bus_lines(const Picture& picture, std::size_t columns) {
 
 std::vector<Line> joint_lines(const Picture& picture, std::size_t scroll, std::size_t rows) {
   Line header;
-  header.add(fmt::format("{:<19} {:>8} {:>8} {:>8} {:>5}  ", "joint", "q rad", "target", "tau Nm", "C"), Style::faint);
+  const bool slides =
+      std::ranges::find(picture.joints, config::JointKind::slide, &JointPicture::kind) != picture.joints.end();
+  header.add(fmt::format("{:<19} {:>8} {:>8} {:>8} {:>5}  ", "joint", slides ? "q rad,m" : "q rad", "target",
+                         slides ? "tau Nm,N" : "tau Nm", "C"),
+             Style::faint);
   std::vector<Line> lines;
   const std::size_t count = picture.joints.size();
   const std::size_t shown = std::min(count, rows - 1);

@@ -8,6 +8,7 @@
 #include <functional>
 #include <utility>
 
+#include "config/joint_units.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::drivers {
@@ -60,6 +61,11 @@ std::string digits(double number, int after_point) {
   return text.data();
 }
 
+// "0.250 rad", of a slide "0.250 m".
+std::string with_unit(double number, int after_point, const config::JointQuantity& quantity, const config::Joint& of) {
+  return digits(number, after_point) + " " + std::string(quantity.unit(of.kind));
+}
+
 std::string drive_error(const JointRecord& joint, const config::Joint& known) {
   const JointFeedback& feedback = joint.feedback;
   if (feedback.drive_state != DriveState::fault && feedback.error_code == 0) return {};
@@ -76,9 +82,9 @@ std::string outside(const JointRecord& joint, const config::Joint& known) {
   const config::Limits& limits = known.limits;
   const double q = joint.feedback.q;
   if (q < limits.q_min - limits.position_margin || q > limits.q_max + limits.position_margin)
-    return "at " + digits(q, 3) + " rad, outside its limits and margin";
+    return "at " + with_unit(q, 3, config::kJointPosition, known) + ", outside its limits and margin";
   if (std::abs(joint.dq_estimate) > limits.velocity_hard)
-    return "at " + digits(joint.dq_estimate, 3) + " rad/s, faster than velocity_hard";
+    return "at " + with_unit(joint.dq_estimate, 3, config::kJointVelocity, known) + ", faster than velocity_hard";
   return {};
 }
 
@@ -131,10 +137,13 @@ std::string implausible(const JointRecord& joint, const config::Joint& /*known*/
 std::string behind(const JointRecord& joint, const config::Joint& known, Duration timeout) {
   if (joint.behind == 0) return {};
   const double limit = known.limits.following_error;
-  const std::string allowed = limit > 0 ? "limits.following_error (" + digits(limit, 3) + " rad)"
-                                        : "90 % of limits.torque (" + digits(known.limits.torque, 1) + " Nm) allows";
-  return digits(std::abs(joint.q_reference - joint.q_estimate), 3) + " rad from its reference, more than " + allowed +
-         ", for " + digits(timeout.milliseconds(), 0) + " ms: held, blocked, or too weak";
+  const std::string allowed =
+      limit > 0
+          ? "limits.following_error (" + with_unit(limit, 3, config::kJointPosition, known) + ")"
+          : "90 % of limits.torque (" + with_unit(known.limits.torque, 1, config::kJointTorque, known) + ") allows";
+  return with_unit(std::abs(joint.q_reference - joint.q_estimate), 3, config::kJointPosition, known) +
+         " from its reference, more than " + allowed + ", for " + digits(timeout.milliseconds(), 0) +
+         " ms: held, blocked, or too weak";
 }
 
 // "12 frames foreign since start"; nothing when there were none.

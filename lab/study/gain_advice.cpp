@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "config/joint_units.hpp"
 #include "lab/study/inner_loop.hpp"
 
 namespace takt::margin {
@@ -52,9 +53,14 @@ class Trial {
   const Eigen::VectorXd& pose_;
 };
 
-std::string lowered(const Gains& from, const Gains& to) {
-  const std::string kp = fmt::format("gains.kp from {:g} to {:g} Nm/rad", from.kp, to.kp),
-                    kd = fmt::format("gains.kd from {:g} to {:g} Nms/rad", from.kd, to.kd);
+std::string kd_text(const Gains& from, const Gains& to, config::JointKind kind) {
+  return fmt::format("gains.kd from {:g} to {:g} {}", from.kd, to.kd, config::kJointDamping.unit(kind));
+}
+
+std::string lowered(const Gains& from, const Gains& to, config::JointKind kind) {
+  const std::string kp = fmt::format("gains.kp from {:g} to {:g} {}", from.kp, to.kp,
+                                     config::kJointStiffness.unit(kind)),
+                    kd = kd_text(from, to, kind);
   if (to.kp == from.kp) return "lower " + kd;
   return "lower " + kp + (to.kd == from.kd ? "" : " and " + kd);
 }
@@ -69,13 +75,12 @@ std::string gain_advice(const config::RobotConfig& robot, std::size_t joint, con
   Trial trial(robot, joint, dynamics, pose);
   for (int i = 1; now.kd > 0 && now.kd * (1 + kStride * i) <= settings.limits.kd; ++i) {
     const Gains more{now.kp, two_digits(now.kd * (1 + kStride * i))};
-    if (more.kd <= settings.limits.kd && trial.suffices(more))
-      return fmt::format("raise gains.kd from {:g} to {:g} Nms/rad", now.kd, more.kd);
+    if (more.kd <= settings.limits.kd && trial.suffices(more)) return "raise " + kd_text(now, more, settings.kind);
   }
   for (int i = 1; 1 - kStride * i >= kLeastShare; ++i) {
     const Gains less{two_digits(now.kp * (1 - kStride * i)), two_digits(now.kd * (1 - kStride * i))};
     for (const Gains& tried : {Gains{less.kp, now.kd}, less})
-      if (trial.suffices(tried)) return lowered(now, tried);
+      if (trial.suffices(tried)) return lowered(now, tried, settings.kind);
   }
   return "no lower kp or kd corrects it; take delay out of its loop (drive, bus, observer_bandwidth)";
 }

@@ -8,6 +8,7 @@
 #include <tuple>
 #include <utility>
 
+#include "config/joint_units.hpp"
 #include "drivers/protocol/cause_detail.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "executive/contract/feedback_names.hpp"
@@ -89,7 +90,7 @@ Diagnostic diagnose_joint(const TickRecord& record, std::size_t index, const con
           {{"drive state", std::string(name(feedback.drive_state))},
            {"error code", fmt::format("{:#x}", feedback.error_code)},
            {"temperature", fmt::format("{:.0f} degC", feedback.temperature_C)},
-           {"position", fmt::format("{:.4f} rad", feedback.q)},
+           {"position", fmt::format("{:.4f} {}", feedback.q, config::kJointPosition.unit(joint.kind))},
            {"bus", robot.buses[joint.bus].name}}};
 }
 

@@ -15,9 +15,9 @@ constexpr std::string_view kHeader =
 constexpr std::string_view kJointState =
     "std_msgs/Header header\n"
     "string[] name\n"
-    "float64[] position  # rad, measured\n"
-    "float64[] velocity  # rad/s, estimated\n"
-    "float64[] effort    # Nm, measured\n";
+    "float64[] position  # rad or m, measured\n"
+    "float64[] velocity  # rad/s or m/s, estimated\n"
+    "float64[] effort    # Nm or N, measured\n";
 constexpr std::string_view kDiagnosticArray =
     "std_msgs/Header header\n"
     "diagnostic_msgs/DiagnosticStatus[] status\n";

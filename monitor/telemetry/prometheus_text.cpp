@@ -3,12 +3,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <initializer_list>
 #include <string_view>
 #include <utility>
 
+#include "config/joint_units.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "executive/contract/feedback_names.hpp"
 
@@ -196,20 +198,29 @@ void buses(Exposition& out, const LiveMetrics& metrics, const config::RobotConfi
 }
 
 void joints(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
-  const auto gauge = [&](std::string_view family, std::string_view help, auto value) {
+  using config::JointKind;
+  const auto gauge = [&](std::string_view family, std::string_view help, std::initializer_list<JointKind> kinds,
+                         auto value) {
     out.family(family, "gauge", help);
     if (metrics.newest.tick == 0) return;
     for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
-      out.sample(value(metrics.joints[joint]), {{"joint", robot.joints[joint].name}});
+      if (std::ranges::find(kinds, robot.joints[joint].kind) != kinds.end())
+        out.sample(value(metrics.joints[joint]), {{"joint", robot.joints[joint].name}});
   };
-  gauge("takt_joint_position_radians", "Measured position.", [](const JointRecord& j) { return j.feedback.q; });
-  gauge("takt_joint_velocity_radians_per_second", "Estimated velocity.",
-        [](const JointRecord& j) { return j.dq_estimate; });
-  gauge("takt_joint_torque_newton_meters", "Torque the drive reports.",
-        [](const JointRecord& j) { return j.feedback.tau; });
+  const auto position = [](const JointRecord& j) { return j.feedback.q; };
+  const auto velocity = [](const JointRecord& j) { return j.dq_estimate; };
+  const auto torque = [](const JointRecord& j) { return j.feedback.tau; };
+  gauge("takt_joint_position_radians", "Measured position.", {JointKind::hinge}, position);
+  gauge("takt_joint_velocity_radians_per_second", "Estimated velocity.", {JointKind::hinge}, velocity);
+  gauge("takt_joint_torque_newton_meters", "Torque the drive reports.", {JointKind::hinge}, torque);
+  if (config::has_slides(robot)) {
+    gauge("takt_joint_position_meters", "Measured position of a slide.", {JointKind::slide}, position);
+    gauge("takt_joint_velocity_meters_per_second", "Estimated velocity of a slide.", {JointKind::slide}, velocity);
+    gauge("takt_joint_force_newtons", "Force of a slide by what its drive reports.", {JointKind::slide}, torque);
+  }
   gauge("takt_joint_temperature_celsius", "Hottest part the drive reports; 0 when it reports none.",
-        [](const JointRecord& j) { return j.feedback.temperature_C; });
-  gauge("takt_joint_error_code", "The drive's own error code; 0 none.",
+        {JointKind::hinge, JointKind::slide}, [](const JointRecord& j) { return j.feedback.temperature_C; });
+  gauge("takt_joint_error_code", "The drive's own error code; 0 none.", {JointKind::hinge, JointKind::slide},
         [](const JointRecord& j) { return j.feedback.error_code; });
   out.family("takt_joint_error", "gauge", "1 while a drive reports an error, in its own words.");
   for (std::size_t joint = 0; joint < robot.joints.size() && metrics.newest.tick != 0; ++joint)

@@ -65,7 +65,7 @@ class OpenRun(unittest.TestCase):
         self.assertEqual(set(ticks[f"feedback_drive_state.{self.run_.joints[0]}"]), {"enabled", "disabled"})
         self.assertEqual(self.run_.enumerations["mode"][2], "tracking")
         self.assertEqual(self.run_.enumerations["previous_mode"], self.run_.enumerations["mode"])
-        self.assertEqual(self.run_.about["q_estimate"], "output; rad")
+        self.assertEqual(self.run_.about["q_estimate"], "output; rad, of a slide m")
 
     def test_commands_are_the_messages_of_the_policy(self):
         commands = self.run_.commands

@@ -29,6 +29,11 @@ Link& heavy(RobotConfig& robot) {
 
 const Danger kDangers[] = {
     {"gains.kd 0", [](RobotConfig& r) { r.joints[0].kd = 0; }},
+    {"degrees, or mm of a slide",
+     [](RobotConfig& r) {
+       r.joints[0].kind = JointKind::slide;
+       r.policy->action.scale = {100};
+     }},
     {"gains.kd damps", [](RobotConfig& r) { r.joints[0].kd = 1e-3; }},
     {"gains.damping", [](RobotConfig& r) { r.joints[0].damping = 1e-3; }},
     {"observer_bandwidth", [](RobotConfig& r) { r.joints[0].observer_bandwidth = 2; }},

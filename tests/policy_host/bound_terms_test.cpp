@@ -23,6 +23,17 @@ TEST(BoundTerms, HavePlacesUnitsAndWhatBecomesOfThem) {
                    "obs 7..9: last_action of 3 joints, as the network gave it"}));
 }
 
+TEST(BoundTerms, JointsThatSlideAreInMetres) {
+  auto robot = small_robot();
+  robot.joints[2].kind = config::JointKind::slide;
+  const FilledTensor obs{"obs", 10};
+  EXPECT_EQ(bound_lines({&obs, 1}, robot)[0],
+            "obs 0..2: joint_position_relative of 3 joints, rad (slides: m) from home");
+  EXPECT_EQ(action_line(robot), "actions: joint_position of 3 joints, rad (slides: m), times 1, from home");
+  robot.policy->action.joint_of_output = {2};
+  EXPECT_EQ(action_line(robot), "actions: joint_position of 1 joints, m, times 1, from home");
+}
+
 TEST(BoundTerms, ScalesThatDifferAreListed) {
   auto robot = small_robot();
   robot.policy->observation[0].scale = {0.5, 1, 2};

@@ -71,6 +71,7 @@ Json joints_json(const config::RobotConfig& robot) {
                       {"kp", joint.kp},
                       {"kd", joint.kd},
                       {"damping", joint.damping}});
+    if (joint.kind == config::JointKind::slide) joints.back()["slides"] = true;
   }
   return joints;
 }

@@ -23,13 +23,17 @@ Json cart_pole_figure(const config::CartPole& cart, const config::RobotConfig& r
           {"reach", std::max(travel + 0.1, cart.pole_length)}};
 }
 
-Json links_figure(const config::Model& model) {
+Json links_figure(const config::Model& model, const std::vector<config::Joint>& joints) {
   Json links = Json::array();
   std::vector<double> reach;  // of each link's origin
-  for (const config::Link& link : model.links) {
+  for (std::size_t i = 0; i < model.links.size(); ++i) {
+    const config::Link& link = model.links[i];
+    const bool slides = joints[i].kind == config::JointKind::slide;
     links.push_back({{"parent", link.parent}, {"xyz", link.origin_xyz}, {"rpy", link.origin_rpy}, {"axis", link.axis}});
+    if (slides) links.back()["slides"] = true;
     const double before = link.parent < 0 ? 0 : reach[static_cast<std::size_t>(link.parent)];
-    reach.push_back(before + length_of(link.origin_xyz));
+    const double way = slides ? std::max(std::abs(joints[i].limits.q_min), std::abs(joints[i].limits.q_max)) : 0;
+    reach.push_back(before + length_of(link.origin_xyz) + way);
   }
   Json figure{{"kind", "links"}, {"links", links}, {"tool", nullptr}};
   double farthest = *std::max_element(reach.begin(), reach.end());
@@ -47,7 +51,7 @@ Json robot_figure(const config::RobotConfig& robot) {
   if (robot.simulation && robot.simulation->cart_pole && robot.joints.size() >= 2) {
     return cart_pole_figure(*robot.simulation->cart_pole, robot);
   }
-  if (robot.model && !robot.model->links.empty()) return links_figure(*robot.model);
+  if (robot.model && !robot.model->links.empty()) return links_figure(*robot.model, robot.joints);
   return nullptr;
 }
 

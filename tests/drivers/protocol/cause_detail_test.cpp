@@ -87,6 +87,20 @@ TEST_F(CauseDetail, TellsWhereTheEnvelopeWasLeft) {
             "joint wrist_yaw: at -12.500 rad/s, faster than velocity_hard");
 }
 
+TEST_F(CauseDetail, OfASlideTellsMetresAndNewtons) {
+  robot.joints[4].kind = robot.joints[5].kind = config::JointKind::slide;
+  record->joints[4].feedback.q = 2.0F;
+  record->joints[5].dq_estimate = -12.5F;
+  EXPECT_EQ(detail(Cause::envelope_exceeded),
+            "joint wrist_pitch: at 2.000 m, outside its limits and margin; "
+            "joint wrist_yaw: at -12.500 m/s, faster than velocity_hard");
+  record->joints[5].behind = 1;
+  record->joints[5].q_reference = 0.5F;
+  const std::string behind = detail(Cause::following_error);
+  EXPECT_NE(behind.find("0.500 m from its reference, more than 90 % of limits.torque ("), std::string::npos) << behind;
+  EXPECT_NE(behind.find(" N) allows"), std::string::npos) << behind;
+}
+
 TEST_F(CauseDetail, TellsWhatTheGuardRefused) {
   record->joints[1].feedback.refused = WireVerdict::slew;
   record->joints[2].feedback.refused = WireVerdict::expired;

@@ -169,6 +169,33 @@ TEST(PrometheusText, OnlyARobotWithAFallbackPolicyTellsWhetherItIsThere) {
   EXPECT_EQ(told(), '1');
 }
 
+// Goal: no metre stands under the name of a radian. Method: one joint of the robot slides.
+TEST(PrometheusText, AJointThatSlidesIsInMetresAndNewtons) {
+  LiveMetrics metrics(demo_robot());
+  metrics.begin("run-1");
+  VirtualRobot robot;
+  robot.run(1);
+  metrics.tick(robot.latest());
+  EXPECT_EQ(prometheus_text(metrics, demo_robot()).find("position_meters"), std::string::npos);
+  config::RobotConfig sliding = demo_robot();
+  sliding.joints[5].kind = config::JointKind::slide;
+  const std::string text = prometheus_text(metrics, sliding);
+  const auto has = [&](const std::string& family, std::size_t joint) {
+    return text.find(family + "{robot=\"" + sliding.robot + "\",joint=\"" + sliding.joints[joint].name + "\"}") !=
+           std::string::npos;
+  };
+  for (const char* family :
+       {"takt_joint_position_meters", "takt_joint_velocity_meters_per_second", "takt_joint_force_newtons"}) {
+    EXPECT_TRUE(has(family, 5)) << family;
+    EXPECT_FALSE(has(family, 4)) << family;
+  }
+  for (const char* family : {"takt_joint_position_radians", "takt_joint_torque_newton_meters"}) {
+    EXPECT_FALSE(has(family, 5)) << family;
+    EXPECT_TRUE(has(family, 4)) << family;
+  }
+  EXPECT_TRUE(has("takt_joint_temperature_celsius", 5));
+}
+
 TEST(PrometheusText, ARecordingThatStoppedIsNotUp) {
   LiveMetrics metrics(demo_robot());
   const auto says = [&](const std::string& family, const std::string& labels, const std::string& value) {

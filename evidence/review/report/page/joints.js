@@ -4,14 +4,21 @@ takt.joints = (function () {
   const number = (value, digits) => (Number.isFinite(value) ? value.toFixed(digits).replace(/^-(?=0\.?0*$)/, '') : '-');
   // lines(joint): [column, spread or null, name]; limits(joint): values.
   const quantities = {
-    position: { unit: 'rad', digits: 4, limits: (joint) => [joint.q_min, joint.q_max],
+    position: { unit: 'rad', slide: 'm', digits: 4, limits: (joint) => [joint.q_min, joint.q_max],
       lines: (index) => [['q' + index, `q${index}.spread`, 'measured'], ['reference' + index, `reference${index}.spread`, 'setpoint'], ['target' + index, null, 'policy target']] },
-    velocity: { unit: 'rad/s', digits: 3, limits: (joint) => [-joint.velocity, joint.velocity], lines: (index) => [['dq' + index, null, 'estimated']] },
-    torque: { unit: 'Nm', digits: 2, limits: (joint) => [-joint.torque, joint.torque], lines: (index) => [['tau' + index, null, 'as the drive reports it']] },
+    velocity: { unit: 'rad/s', slide: 'm/s', digits: 3, limits: (joint) => [-joint.velocity, joint.velocity], lines: (index) => [['dq' + index, null, 'estimated']] },
+    torque: { unit: 'Nm', slide: 'N', digits: 2, limits: (joint) => [-joint.torque, joint.torque], lines: (index) => [['tau' + index, null, 'as the drive reports it']] },
     temperature: { unit: '°C', digits: 0, limits: () => [], lines: (index) => [['temperature' + index, null, 'hottest part']] },
-    stiffness: { unit: 'Nm/rad', digits: 1, limits: () => [], lines: (index) => [['kp' + index, null, 'told to the drive']] },
-    damping: { unit: 'Nm s/rad', digits: 2, limits: () => [], lines: (index) => [['kd' + index, null, 'told to the drive']] },
+    stiffness: { unit: 'Nm/rad', slide: 'N/m', digits: 1, limits: () => [], lines: (index) => [['kp' + index, null, 'told to the drive']] },
+    damping: { unit: 'Nm s/rad', slide: 'N s/m', digits: 2, limits: () => [], lines: (index) => [['kd' + index, null, 'told to the drive']] },
   };
+
+  // Of some joints; a slide's differ.
+  function unitOf(quantity, joints) {
+    const slides = joints.filter((joint) => joint.slides).length;
+    if (!slides || !quantity.slide) return quantity.unit;
+    return slides === joints.length ? quantity.slide : `${quantity.unit}, ${quantity.slide}`;
+  }
 
   // A value, its limits in small, and whether it is beyond them.
   function cell(value, digits, low, high) {
@@ -27,7 +34,9 @@ takt.joints = (function () {
   }
 
   function table(facts, samples, view) {
-    const head = ['joint', 'position, rad', 'setpoint', 'policy', 'velocity, rad/s', 'torque, Nm', '°C', 'kp, Nm/rad', 'kd, Nm s/rad'];
+    const unit = (name) => unitOf(quantities[name], facts.joints);
+    const head = ['joint', `position, ${unit('position')}`, 'setpoint', 'policy', `velocity, ${unit('velocity')}`, `torque, ${unit('torque')}`, '°C',
+      `kp, ${unit('stiffness')}`, `kd, ${unit('damping')}`];
     const draw = () => {
       const place = samples.at(view.cursor);
       const value = (name, spread) => samples.value(place, name, spread);
@@ -62,15 +71,16 @@ takt.joints = (function () {
     const lines = () => (isAll() ? facts.joints.map((joint, index) => chosen().lines(index)[0].with(2, joint.name)) : chosen().lines(select.value));
     const colours = () => (isAll() ? facts.joints.map((_, index) => takt.jointColour(index)) : ['data', 'second', 'third'].map(takt.colour));
     const limits = () => (isAll() || !facts.joints.length ? [] : chosen().limits(facts.joints[select.value]));
-    const limitText = (value) => `limit ${+value.toPrecision(4)} ${chosen().unit}`;
+    const unit = () => unitOf(chosen(), isAll() ? facts.joints : [facts.joints[select.value]]);
+    const limitText = (value) => `limit ${+value.toPrecision(4)} ${unit()}`;
     const valuesAt = (time) => {
       const place = samples.at(time);
-      return lines().map(([name, spread, label]) => [label, `${number(samples.value(place, name, spread), chosen().digits)} ${chosen().unit}`]);
+      return lines().map(([name, spread, label]) => [label, `${number(samples.value(place, name, spread), chosen().digits)} ${unit()}`]);
     };
-    const look = () => ({ labels: ['s'].concat(lines().map(([, , name]) => name)), colors: colours(), ylabel: chosen().unit });
+    const look = () => ({ labels: ['s'].concat(lines().map(([, , name]) => name)), colors: colours(), ylabel: unit() });
     const legend = () => {
       takt.swatches('tracking-legend', lines().map(([, , name], index) => [colours()[index], name]));
-      if (limits().length) document.getElementById('tracking-legend').append(`; limits ${limits().map((value) => +value.toPrecision(4)).join(' and ')} ${chosen().unit}, dashed where in view`);
+      if (limits().length) document.getElementById('tracking-legend').append(`; limits ${limits().map((value) => +value.toPrecision(4)).join(' and ')} ${unit()}, dashed where in view`);
     };
     const options = Object.assign({ customBars: true, valuesAt, underlayCallback: takt.underlay(facts.modes, () => limits().map((value) => ({ value, text: limitText(value) }))) }, look());
     const made = takt.chart('tracking', view, (from, to) => samples.bands(from, to, lines()), options, () => ({ colors: colours() }));

@@ -33,8 +33,11 @@ takt.robot = (function () {
     const lines = [];
     figure.links.forEach((link, index) => {
       const parent = link.parent < 0 ? { origin: [0, 0, 0], rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1] } : frames[link.parent];
-      const origin = plus(parent.origin, turned(parent.rotation, link.xyz));
-      const rotation = product(product(parent.rotation, rotationOfRpy(link.rpy)), rotationAbout(link.axis, q[index]));
+      const frame = product(parent.rotation, rotationOfRpy(link.rpy));
+      const length = Math.hypot(...link.axis);
+      const moved = link.slides ? turned(frame, link.axis.map((each) => (each / length) * q[index])) : [0, 0, 0];
+      const origin = plus(plus(parent.origin, turned(parent.rotation, link.xyz)), moved);
+      const rotation = link.slides ? frame : product(frame, rotationAbout(link.axis, q[index]));
       frames.push({ origin, rotation });
       lines.push([parent.origin, origin]);
     });

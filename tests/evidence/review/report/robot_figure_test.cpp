@@ -25,6 +25,19 @@ TEST(RobotFigure, AnArmIsItsLinksAndItsTool) {
   EXPECT_NEAR(figure.at("reach").get<double>(), 0.08 + 0.06 + 0.28 + 0.24 + 0.06 + 0.05 + 0.08, 1e-9);
 }
 
+TEST(RobotFigure, ALinkThatSlidesSaysSoAndReachesFurther) {
+  auto robot = config::load("config/arm6.yaml");
+  ASSERT_TRUE(robot) << robot.error();
+  const double before = robot_figure(*robot).at("reach");
+  robot->joints[5].kind = config::JointKind::slide;
+  robot->joints[5].limits.q_min = -0.01;
+  robot->joints[5].limits.q_max = 0.04;
+  const auto figure = robot_figure(*robot);
+  EXPECT_TRUE(figure.at("links").at(5).at("slides"));
+  EXPECT_FALSE(figure.at("links").at(4).contains("slides"));
+  EXPECT_NEAR(figure.at("reach").get<double>(), before + 0.04, 1e-9);
+}
+
 TEST(RobotFigure, TwoArmsStandOnOneBase) {
   const auto figure = figure_of("config/dual_arm12.yaml");
   ASSERT_EQ(figure.at("links").size(), 12U);
