@@ -111,8 +111,8 @@ std::string HoldingLoop::trouble() {
 double HoldingLoop::fastest() const {
   double fastest = 0;
   for (std::size_t joint = 0; joint < robot_.joints.size(); ++joint)
-    fastest = std::max(fastest, std::abs(plant_.state().dq[static_cast<Eigen::Index>(joint)]) /
-                                    config::per_rad(robot_.joints[joint]));
+    fastest = std::max(
+        fastest, std::abs(plant_.state().dq[static_cast<Eigen::Index>(joint)]) / config::per_rad(robot_.joints[joint]));
   return fastest;
 }
 

@@ -420,7 +420,7 @@ TEST(Load, DemoRobotIsValid) {
 TEST(Load, FileThatCannotBeReadSaysWhy) {
   EXPECT_EQ(load("no/such/robot.yaml").error(),
             "no/such/robot.yaml: cannot be read: No such file or directory; check the path");
-  EXPECT_EQ(load("config").error(), "config: is not a regular file; give a YAML file");
+  EXPECT_EQ(load("config").error(), "config: is not a regular file; name a file");
   const auto huge = std::filesystem::path(testing::TempDir()) / "huge.yaml";
   std::ofstream(huge) << std::string((1U << 20U) + 1, '#');
   EXPECT_NE(load(huge.string()).error().find("at most 1048576 are read"), std::string::npos);
