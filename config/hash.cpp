@@ -2,12 +2,12 @@
 #include "config/hash.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <charconv>
 #include <filesystem>
 #include <span>
+#include <system_error>
 
 #include "config/bundle_name.hpp"
 #include "config/document.hpp"
@@ -42,9 +42,9 @@ namespace {
 
 void add_with_weights(const std::string& path, std::vector<std::string>& files) {
   files.push_back(path);
-  for (const char* ending : {".data", "_data"}) {
-    if (access((path + ending).c_str(), F_OK) == 0) files.push_back(path + ending);
-  }
+  std::error_code unreadable;  // as who opens it: access() asks for the real user, which a policy's host is not
+  for (const char* ending : {".data", "_data"})
+    if (std::filesystem::exists(path + ending, unreadable)) files.push_back(path + ending);
 }
 
 // What a bundle's YAML names beside it. Where it is none, or names what is not there, its loader says so.

@@ -49,10 +49,9 @@ std::string signature_of_policy(const std::string& file) {
   return file + ".sig";
 }
 
-std::expected<std::uint64_t, std::string> accepted_policy_hash(const Policy& policy) {
-  const auto sha256 = policy_sha256(policy.file);
-  if (!sha256) return std::unexpected(sha256.error());
-  if (!policy.names_key()) return leading_64_bits(*sha256);
+std::expected<std::string, std::string> accepted_policy_sha256(const Policy& policy) {
+  auto sha256 = policy_sha256(policy.file);
+  if (!sha256 || !policy.names_key()) return sha256;
   const auto key = key_of(policy.signed_by);
   if (!key) return std::unexpected(fmt::format("{}; correct `policy.signed_by`", key.error()));
   const auto signature = read_file(signature_of_policy(policy.file));
@@ -69,7 +68,7 @@ std::expected<std::uint64_t, std::string> accepted_policy_hash(const Policy& pol
     return std::unexpected(fmt::format(
         "{} is not the file that the key of `policy.signed_by` signed; sign it again, or go back to the one that was",
         policy.file));
-  return leading_64_bits(*sha256);
+  return sha256;
 }
 
 }  // namespace takt::config

@@ -6,7 +6,6 @@
 // hashed: no other file comes between the two. docs/policies.md has the commands that make one.
 #pragma once
 
-#include <cstdint>
 #include <expected>
 #include <string>
 
@@ -16,8 +15,8 @@ namespace takt::config {
 
 std::string signature_of_policy(const std::string& file);
 
-// policy_hash() of the policy's file. The error: one sentence, why it cannot be read, or why the key's owner did not
+// policy_sha256() of the policy's file. The error: one sentence, why it cannot be read, or why the key's owner did not
 // sign it, and how to correct that.
-std::expected<std::uint64_t, std::string> accepted_policy_hash(const Policy& policy);
+std::expected<std::string, std::string> accepted_policy_sha256(const Policy& policy);
 
 }  // namespace takt::config

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "config/cautions.hpp"
-#include "config/hash.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/contract/contract_layout.hpp"
@@ -89,16 +88,16 @@ RunManifest describe(const ExecutiveSession& session, const config::RobotConfig&
   manifest.cautions = config::cautions_about(robot);
   manifest.watchdog_waivers = config::watchdog_waivers(robot);
   manifest.config_sha256 = robot.sha256;
-  if (robot.policy) {
-    manifest.policy_file = robot.policy->file;
-    manifest.policy_sha256 = config::policy_sha256(robot.policy->file).value_or("");
-  }
+  if (robot.policy) manifest.policy_file = robot.policy->file;
   manifest.executive_pid = session.pid();
   if (const auto text = read_file(runtime_directory + "/executive.json")) {
     auto json = nlohmann::ordered_json::parse(*text, nullptr, false);
     if (json.is_object()) {
       if (const auto hash = json.find("binary_sha256"); hash != json.end() && hash->is_string())
         manifest.executive_sha256 = hash->get<std::string>();
+      // What it admits, whatever lies under that name by now.
+      if (const auto hash = json.find("policy_sha256"); hash != json.end() && hash->is_string())
+        manifest.policy_sha256 = hash->get<std::string>();
       manifest.executive = std::move(json);
     }
   }

@@ -18,11 +18,11 @@ std::expected<CheckedRobot, std::string> check_robot_file(const std::string& pat
   if (!robot) return std::unexpected(robot.error());
   std::string problems;
   if (robot->policy)
-    if (const auto hash = config::accepted_policy_hash(*robot->policy); !hash)
+    if (const auto hash = config::accepted_policy_sha256(*robot->policy); !hash)
       problems = fmt::format("{}: {}", path, hash.error());
   if (const config::Fallback* const fallback = config::fallback_policy_of(*robot);
       fallback != nullptr && fallback->has_own_file())
-    if (const auto hash = config::accepted_policy_hash(*config::seen_by_fallback(*robot, *fallback).policy); !hash)
+    if (const auto hash = config::accepted_policy_sha256(*config::seen_by_fallback(*robot, *fallback).policy); !hash)
       problems += fmt::format("{}{}: {}", problems.empty() ? "" : "\n", path, hash.error());
   // What a driver refuses, the executive would refuse at its start.
   for (std::size_t joint = 0; joint < robot->joints.size(); ++joint)

@@ -12,6 +12,7 @@
 #include <system_error>
 #include <utility>
 
+#include "config/hash.hpp"
 #include "config/load.hpp"
 #include "executive/contract/version.hpp"
 
@@ -66,7 +67,8 @@ nlohmann::ordered_json json_of(const ExecutiveFacts& facts) {
           {"robot", facts.robot.robot},
           {"config_sha256", facts.robot.sha256},
           {"config_hash", fmt::format("{:016x}", facts.robot.hash)},
-          {"policy_hash", fmt::format("{:016x}", facts.policy_hash)},
+          {"policy_sha256", facts.policy_sha256},
+          {"policy_hash", fmt::format("{:016x}", config::leading_64_bits(facts.policy_sha256))},
           {"fallback_policy_hash", fmt::format("{:016x}", facts.fallback_hash)},
           {"realtime", is_realtime(facts.steps)},
           {"allow_non_realtime", facts.allow_non_realtime},

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // <runtime-dir>/executive.json: what the executive is and under which conditions it runs. Written once it runs, removed
 // when it ends; the monitor copies it into the run's manifest. Schema takt.executive/1:
-//   pid, version, binary_sha256 (of this program; "": unreadable), robot, config_sha256, config_hash, policy_hash,
-//   fallback_policy_hash
+//   pid, version, binary_sha256 (of this program; "": unreadable), robot, config_sha256, config_hash, policy_sha256,
+//   policy_hash, fallback_policy_hash
 //   ("0000..." = any), realtime, allow_non_realtime, recorder (required or optional), realtime_steps [{name, ok,
 //   essential, detail}], buses [{name, interface, description, and of a real controller as it was when it was opened
 //   controller {state, bitrate, sample_point, sjw, data_bitrate, data_sample_point, data_sjw, queue_length,
@@ -28,7 +28,7 @@ struct OpenedBusFacts {
 
 struct ExecutiveFacts {
   const config::RobotConfig& robot;
-  std::uint64_t policy_hash = 0;
+  std::string policy_sha256{};      // of the policy that it admits (config/hash.hpp); empty: there is none
   std::uint64_t fallback_hash = 0;  // of the fallback policy; 0: there is none
   bool allow_non_realtime = false;
   std::vector<SetupStep> steps;

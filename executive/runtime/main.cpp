@@ -10,6 +10,7 @@
 #include <expected>
 #include <optional>
 
+#include "config/hash.hpp"
 #include "config/load.hpp"
 #include "config/observation_shape.hpp"
 #include "config/paths.hpp"
@@ -74,19 +75,20 @@ int run(const Options& options) {
     return refuse(config::kExitBadConfiguration, loads.error());
   const auto guest = program::policy_user_of(options);
   if (!guest) return refuse(kExitUsage, guest.error());
-  std::uint64_t policy_hash = 0;
+  std::string policy_sha256;
   if (robot->policy) {
-    const auto hash = config::accepted_policy_hash(*robot->policy);
-    if (!hash) return refuse(config::kExitBadConfiguration, hash.error());
-    policy_hash = *hash;
+    auto sha256 = config::accepted_policy_sha256(*robot->policy);
+    if (!sha256) return refuse(config::kExitBadConfiguration, sha256.error());
+    policy_sha256 = *std::move(sha256);
   }
+  const std::uint64_t policy_hash = config::leading_64_bits(policy_sha256);  // 0: no policy
   const config::Fallback* const fallback = config::fallback_policy_of(*robot);
   const config::RobotConfig fallback_robot = fallback != nullptr ? config::seen_by_fallback(*robot, *fallback) : *robot;
   std::uint64_t fallback_hash = 0;
   if (fallback != nullptr) {
-    const auto hash = config::accepted_policy_hash(*fallback_robot.policy);
-    if (!hash) return refuse(config::kExitBadConfiguration, hash.error());
-    fallback_hash = *hash;
+    const auto sha256 = config::accepted_policy_sha256(*fallback_robot.policy);
+    if (!sha256) return refuse(config::kExitBadConfiguration, sha256.error());
+    fallback_hash = config::leading_64_bits(*sha256);
   }
   const std::string directory = program::runtime_directory_of(options, *robot);
   const auto tick_config =
@@ -140,7 +142,7 @@ int run(const Options& options) {
   if (!realtime) spdlog::warn("running WITHOUT real-time guarantees, as asked: every artifact says so");
   (*reception)->set_realtime(realtime, options.allow_non_realtime);
   auto file = ExecutiveFile::write(
-      directory, {*robot, policy_hash, fallback_hash, options.allow_non_realtime, steps, opened->buses});
+      directory, {*robot, policy_sha256, fallback_hash, options.allow_non_realtime, steps, opened->buses});
   if (!file) return refuse(kExitSetUpRefused, file.error());
   for (const OpenedBusFacts& bus : opened->buses) spdlog::info("bus {}", bus.description);
   if (!opened->torque_output.empty()) spdlog::info("torque is permitted by {}", opened->torque_output);

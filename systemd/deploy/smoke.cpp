@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "config/hash.hpp"
 #include "config/load.hpp"
 #include "config/observation_shape.hpp"
 #include "config/policy_signature.hpp"
@@ -31,8 +32,8 @@ std::string trouble_in(const panel::RolloutRow& row) {
 
 std::expected<std::string, std::string> roll_out(const config::RobotConfig& robot, const panel::Answering& policy,
                                                  panel::WorldProcess* world) {
-  const auto hash = config::accepted_policy_hash(*robot.policy);
-  if (!hash) return std::unexpected(hash.error());
+  const auto sha256 = config::accepted_policy_sha256(*robot.policy);
+  if (!sha256) return std::unexpected(sha256.error());
   const auto fallback = panel::load_fallback_host(robot);
   if (!fallback) return std::unexpected(fallback.error());
   const auto task = panel::task_of(robot, world);
@@ -41,7 +42,7 @@ std::expected<std::string, std::string> roll_out(const config::RobotConfig& robo
   std::string end;
   const panel::RolloutSetup setup{.robot = robot,
                                   .policy = policy,
-                                  .policy_hash = *hash,
+                                  .policy_hash = config::leading_64_bits(*sha256),
                                   .fallback = fallback->get(),
                                   .task = *task,
                                   .timing = {},
@@ -82,15 +83,16 @@ std::expected<std::string, std::string> smoke_run(const config::RobotConfig& rob
   if (!robot.policy) return "no policy: nothing to try before the robot itself";
   if (const auto fine = policy_host::check_policy_section(robot); !fine) return std::unexpected(fine.error());
   if (!outside.policy.empty()) {
-    const auto hash = config::accepted_policy_hash(*robot.policy);
-    if (!hash) return std::unexpected(hash.error());
+    const auto sha256 = config::accepted_policy_sha256(*robot.policy);
+    if (!sha256) return std::unexpected(sha256.error());
     // It inherits where it may run.
     if (const auto fence = policy_host::keep_off_processor(robot.control.cpu); !fence)
       return std::unexpected(fence.error());
     policy_host::limit_thread_pools(robot.policy->engine.value_or(config::Engine{}).threads,
                                     policy_host::PoolSize::unless_set);
     panel::PolicyProcess program(outside.policy, outside.policy_may);
-    if (const auto begun = program.begin(robot, *hash); !begun) return std::unexpected(begun.error());
+    if (const auto begun = program.begin(robot, config::leading_64_bits(*sha256)); !begun)
+      return std::unexpected(begun.error());
     return try_out(robot, program, outside.world);
   }
   const auto loaded = policy_host::load_fenced(robot, 1, policy_host::load_policy);

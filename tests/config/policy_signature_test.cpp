@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "config/hash.hpp"
 #include "config/load.hpp"
 
 namespace takt::config {
@@ -42,7 +43,7 @@ class PolicySignatureTest : public testing::Test {
     shell("openssl pkeyutl -sign -rawin -inkey " + key + ".pem -in digest -out policy.onnx.sig");
   }
   [[nodiscard]] std::string refusal() const {
-    const auto hash = accepted_policy_hash(policy_);
+    const auto hash = accepted_policy_sha256(policy_);
     return hash ? "" : hash.error();
   }
   std::string folder_;
@@ -52,12 +53,12 @@ class PolicySignatureTest : public testing::Test {
 TEST_F(PolicySignatureTest, TheOwnersSignatureIsAccepted) {
   sign("lab");
   EXPECT_EQ(refusal(), "");
-  EXPECT_EQ(accepted_policy_hash(policy_).value(), policy_hash(policy_.file).value());
+  EXPECT_EQ(accepted_policy_sha256(policy_).value(), policy_sha256(policy_.file).value());
 }
 
 TEST_F(PolicySignatureTest, WithoutAKeyNoSignatureIsAskedFor) {
   policy_.signed_by = "none";
-  EXPECT_EQ(accepted_policy_hash(policy_).value(), policy_hash(policy_.file).value());
+  EXPECT_EQ(accepted_policy_sha256(policy_).value(), policy_sha256(policy_.file).value());
 }
 
 // Threat: policy-unsigned

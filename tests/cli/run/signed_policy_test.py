@@ -2,9 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Goal: a robot whose file names a key is armed with the policy that the key's owner signed, and with no other. Method: the demo arm, its
 policy signed by the commands of docs/policies.md; `takt config check`, the executive alone and `takt run` are asked with that
-signature, with none, with another key's, and with a policy that was changed afterwards.
+signature, with none, with another key's, with weights beside it that are signed and not, and with a policy that was changed afterwards;
+the run's manifest has the hash of what the executive admitted.
 Usage: signed_policy_test.py SOURCE_DIR BIN_DIR
 """
+import hashlib
+import json
 import pathlib
 import shutil
 import subprocess
@@ -30,9 +33,10 @@ class Robot:
         section = (SOURCE / "docs/policies.md").read_text().split("\n## Signed policies\n")[1].split("\n## ")[0]
         self.page = [line.strip() for line in section.splitlines() if line.startswith("    ")]
         assert len(self.page) == 4, self.page
+        self.with_weights = [*self.page[:2], section.split("With weights the third line is `")[1].split("`")[0], self.page[3]]
 
-    def sign(self, key):
-        for command in self.page:
+    def sign(self, key, commands=None):
+        for command in commands or self.page:
             done = subprocess.run(["sh", "-c", command.replace("lab.", f"{key}.")], cwd=self.folder, stderr=subprocess.PIPE, text=True, check=False)
             assert done.returncode == 0, (command, done.stderr)
 
@@ -63,6 +67,17 @@ def main():
         code, said = robot.run()
         assert code == 0 and (robot.folder / "run/ticks.mcap").exists(), (code, said)
         assert '"tracking"' in (robot.folder / "run/transitions.jsonl").read_text(), "armed, and driven by its policy"
+        shutil.rmtree(robot.folder / "run")
+        weights = robot.folder / "policy.onnx.data"
+        weights.write_bytes(b"weights that no tensor names")
+        robot.refused_by_all("is not the file that the key of `policy.signed_by` signed")
+        robot.sign("lab", robot.with_weights)
+        code, said = robot.run()
+        assert code == 0, (code, said)
+        listing = "".join(f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.name}\n" for file in (robot.policy, weights))
+        manifest = json.loads((robot.folder / "run/manifest.json").read_text())
+        assert manifest["policy"]["sha256"] == hashlib.sha256(listing.encode()).hexdigest(), manifest["policy"]
+        assert manifest["policy"]["sha256"].startswith(manifest["executive"]["facts"]["policy_hash"]), "the one that was admitted"
         shutil.rmtree(robot.folder / "run")
         with robot.policy.open("ab") as policy:
             policy.write(b"\0")
