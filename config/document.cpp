@@ -229,8 +229,7 @@ std::expected<std::string, std::string> read_file(const std::string& path) {
   struct stat status {};
   if (stat(path.c_str(), &status) != 0)
     return std::unexpected(fmt::format("{}: cannot be read: {}; check the path", path, std::strerror(errno)));
-  if (!S_ISREG(status.st_mode))
-    return std::unexpected(fmt::format("{}: is not a regular file; name a file", path));
+  if (!S_ISREG(status.st_mode)) return std::unexpected(fmt::format("{}: is not a regular file; name a file", path));
   if (status.st_size > static_cast<off_t>(kMaxBytes))
     return std::unexpected(fmt::format("{}: holds {} bytes; at most {} are read: is this the right file?", path,
                                        status.st_size, kMaxBytes));
