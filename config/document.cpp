@@ -184,15 +184,18 @@ void Problems::share(const std::vector<Place>& places, const std::string& whose)
 
 std::string Problems::text() const {
   auto sorted = found_;
-  std::ranges::stable_sort(sorted, {}, [](const auto& problem) { return problem.first; });
+  std::ranges::stable_sort(sorted, {}, [](const auto& problem) {
+    return std::pair{problem.first.in_base, problem.first};
+  });
   std::string all;
   std::set<std::pair<Place, std::string>> told;
   for (const auto& [place, sentence] : sorted) {
     const auto whose = shared_.find(place);
     if (whose != shared_.end() && !told.emplace(place, without_index(sentence)).second) continue;
     if (!all.empty()) all += '\n';
-    all += place.line == 0 ? fmt::format("{}: {}", file_, sentence)
-                           : fmt::format("{}:{}:{}: {}", file_, place.line, place.column, sentence);
+    const std::string& file = place.in_base ? base_ : file_;
+    all += place.line == 0 ? fmt::format("{}: {}", file, sentence)
+                           : fmt::format("{}:{}:{}: {}", file, place.line, place.column, sentence);
     if (whose != shared_.end()) all += fmt::format(" ({})", whose->second);
   }
   return printable(all);
@@ -201,6 +204,21 @@ std::string Problems::text() const {
 const Node* Node::find(std::string_view key) const {
   const auto entry = std::ranges::find_if(entries, [&](const auto& e) { return e.key.text == key; });
   return entry == entries.end() ? nullptr : &entry->value;
+}
+
+Entry* Node::entry_of(std::string_view key) {
+  const auto entry = std::ranges::find_if(entries, [key](const Entry& one) { return one.key.text == key; });
+  return entry == entries.end() ? nullptr : &*entry;
+}
+
+void Node::add_missing(const Node& other) {
+  for (const Entry& given : other.entries) {
+    Entry* const own = entry_of(given.key.text);
+    if (own == nullptr)
+      entries.push_back(given);
+    else if (own->value.kind == Kind::map && given.value.kind == Kind::map)
+      own->value.add_missing(given.value);
+  }
 }
 
 Node read_document(std::string_view text, Tags tags, Problems& problems) {

@@ -20,6 +20,7 @@ namespace takt::config {
 struct Place {
   int line = 0;  // from 1; 0: the file as a whole
   int column = 0;
+  bool in_base = false;  // in the file that this one is based on (config/based_on.hpp)
   friend auto operator<=>(const Place&, const Place&) = default;
 };
 
@@ -27,6 +28,8 @@ class Problems {
  public:
   explicit Problems(std::string file) : file_(std::move(file)) {}
   void add(Place place, std::string_view sentence);
+  // What places `in_base` are told with.
+  void set_base(std::string file) { base_ = std::move(file); }
   // What stands at these places is meant for several parts of the file, `whose`: of the problems at one of them only
   // the first is told, and whose it is.
   void share(const std::vector<Place>& places, const std::string& whose);
@@ -34,7 +37,7 @@ class Problems {
   [[nodiscard]] std::string text() const;  // in file order, one per line, no trailing newline, printable
 
  private:
-  std::string file_;
+  std::string file_, base_;
   std::vector<std::pair<Place, std::string>> found_;
   std::map<Place, std::string> shared_;
 };
@@ -52,6 +55,10 @@ struct Node {
   std::vector<Entry> entries;  // map
 
   [[nodiscard]] const Node* find(std::string_view key) const;  // nullptr: no such key, or no map
+  Entry* entry_of(std::string_view key);                       // as find
+  // Adds the keys of `other` that this map does not have; sections that both have are joined key by key. A list or a
+  // value that this map has stays as it is.
+  void add_missing(const Node& other);
 };
 
 struct Entry {

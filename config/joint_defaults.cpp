@@ -11,21 +11,6 @@ namespace {
 
 constexpr std::string_view kWhose = "joints";
 
-Entry* entry_of(Node& map, std::string_view key) {
-  const auto entry = std::ranges::find_if(map.entries, [key](const Entry& one) { return one.key.text == key; });
-  return entry == map.entries.end() ? nullptr : &*entry;
-}
-
-void fill(Node& joint, const Node& block) {
-  for (const Entry& given : block.entries) {
-    Entry* const own = entry_of(joint, given.key.text);
-    if (own == nullptr)
-      joint.entries.push_back(given);
-    else if (own->value.kind == Node::Kind::map && given.value.kind == Node::Kind::map)
-      fill(own->value, given.value);
-  }
-}
-
 void places_in(const Node& node, std::vector<Place>& places) {
   places.push_back(node.place);
   for (const Node& item : node.items) places_in(item, places);
@@ -37,7 +22,7 @@ void places_in(const Node& node, std::vector<Place>& places) {
 
 // Takes the patterns out of the block; empty: a problem was added.
 std::vector<std::string> take_patterns(Node& block, const std::string& path, Problems& problems) {
-  Entry* const whose = block.kind == Node::Kind::map ? entry_of(block, kWhose) : nullptr;
+  Entry* const whose = block.kind == Node::Kind::map ? block.entry_of(kWhose) : nullptr;
   std::vector<std::string> patterns;
   if (whose != nullptr)
     for (const Node& item : whose->value.items)
@@ -45,7 +30,7 @@ std::vector<std::string> take_patterns(Node& block, const std::string& path, Pro
   if (patterns.empty())
     problems.add(block.place, fmt::format("{}: says not which joints it is for; add `{}: [\"*_hip\"]`", path, kWhose));
   if (whose != nullptr) block.entries.erase(block.entries.begin() + (whose - block.entries.data()));
-  if (const Entry* const name = block.kind == Node::Kind::map ? entry_of(block, "name") : nullptr) {
+  if (const Entry* const name = block.kind == Node::Kind::map ? block.entry_of("name") : nullptr) {
     problems.add(name->key.place, fmt::format("{}.name: is each joint's own; remove it here", path));
     block.entries.erase(block.entries.begin() + (name - block.entries.data()));
   }
@@ -73,11 +58,11 @@ std::vector<Node*> joints_that_fit(Node& joints, const std::vector<std::string>&
 }  // namespace
 
 void spread_joint_defaults(Node& root, Problems& problems) {
-  Entry* const given = entry_of(root, kJointDefaults);
+  Entry* const given = root.entry_of(kJointDefaults);
   if (given == nullptr) return;
   Node blocks = std::move(given->value);
   root.entries.erase(root.entries.begin() + (given - root.entries.data()));
-  Entry* const joints = entry_of(root, "joints");
+  Entry* const joints = root.entry_of("joints");
   if (blocks.kind != Node::Kind::sequence)
     return problems.add(blocks.place, fmt::format("{}: holds {}; write a list, one `- ` per block", kJointDefaults,
                                                   kind_name(blocks.kind)));
@@ -88,7 +73,7 @@ void spread_joint_defaults(Node& root, Problems& problems) {
     const auto patterns = take_patterns(block, path, problems);
     const auto fitting = joints_that_fit(joints->value, patterns, block, path, problems);
     if (fitting.empty()) continue;
-    for (Node* const joint : fitting) fill(*joint, block);
+    for (Node* const joint : fitting) joint->add_missing(block);
     std::vector<Place> places;
     places_in(block, places);
     problems.share(places, fmt::format("{}, {} joint{} from {}", path, fitting.size(), fitting.size() == 1 ? "" : "s",

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "config/based_on.hpp"
 #include "config/fields.hpp"
 #include "config/joint_defaults.hpp"
 #include "config/schema.hpp"
@@ -156,7 +157,9 @@ std::string json_schema() {
   RobotConfig robot;
   describe(maker, robot);
   Json schema{{"$schema", "https://json-schema.org/draft/2020-12/schema"}, {"title", "Takt robot file"}};
-  schema["required"] = maker.required();
+  // Its base has the other keys.
+  schema["if"] = {{"required", {kBasedOn}}};
+  schema["else"] = {{"required", maker.required()}};
   schema.update(maker.result());
   Json& shared = schema["properties"][std::string(kJointDefaults)]["items"]["properties"];
   for (const auto& [key, value] : schema["properties"]["joints"]["items"]["properties"].items())

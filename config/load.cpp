@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "config/based_on.hpp"
 #include "config/checks.hpp"
 #include "config/document.hpp"
 #include "config/hash.hpp"
@@ -84,8 +85,8 @@ Node* find_by_path(Node& root, std::string_view path) {
   while (!path.empty()) {
     const std::string_view key = path.substr(0, path.find('.'));
     path.remove_prefix(std::min(key.size() + 1, path.size()));
-    const auto entry = std::ranges::find_if(at->entries, [key](const Entry& one) { return one.key.text == key; });
-    if (entry == at->entries.end()) return nullptr;
+    Entry* const entry = at->entry_of(key);
+    if (entry == nullptr) return nullptr;
     at = &entry->value;
   }
   return at;
@@ -95,7 +96,10 @@ std::expected<RobotConfig, std::string> parsed(std::string_view text, const std:
                                                bool is_recorded) {
   Problems problems(name_for_messages);
   Node root = read_document(text, Tags::refuse, problems);
-  if (is_recorded) migrate_recorded(root);
+  if (is_recorded)
+    migrate_recorded(root);
+  else
+    add_base(root, name_for_messages, problems);
   if (problems.empty() && root.kind != Node::Kind::map)
     problems.add(root.place, "holds no robot; begin with `schema: takt.robot/1`");
   if (!problems.empty()) return std::unexpected(problems.text());

@@ -3,12 +3,18 @@
 
 #include <array>
 
+#include "config/based_on.hpp"
+
 namespace takt::config {
 
 void describe(Fields& fields, RobotConfig& robot) {
   constexpr std::array kSchemas{kSchemaName};
   std::string schema(kSchemaName);
   fields.one_of({"schema", "format of this file"}, schema, kSchemas, "schema");
+  // For the key table and the schema; a reader finds the base's keys added already.
+  std::string base;
+  if (fields.shows_all())
+    fields.text({kBasedOn, "robot file in this folder whose keys hold where this file has none", "none"}, base);
   std::int64_t revision = kDefaultsRevision;
   fields.whole({.name = "defaults_revision",
                 .doc = "revision of the defaults of omitted keys",

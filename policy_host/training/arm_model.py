@@ -7,7 +7,8 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-import yaml
+
+import robot_file
 
 # Factor to SI. Only the units that a robot file uses for the quantities read here.
 _UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "m": 1.0, "mm": 1e-3, "rad/s": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6,
@@ -68,8 +69,7 @@ class Robot:
 
 
 def load(path):
-    with open(path, encoding="utf-8") as file:
-        text = yaml.safe_load(file)
+    text = robot_file.read(path)
     joints, model, policy, simulation = text["joints"], text["model"], text["policy"], text["simulation"]
     margin = np.array([si(joint["limits"]["position_margin"]) for joint in joints])
     names = [joint["name"] for joint in joints]

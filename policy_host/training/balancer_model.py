@@ -8,8 +8,8 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 
 import torch
-import yaml
 
+import robot_file
 from arm_model import si
 from cart_pole_model import GRAVITY, line
 
@@ -61,8 +61,7 @@ class Balancer:
 
 
 def load(path):
-    with open(path, encoding="utf-8") as file:
-        text = yaml.safe_load(file)
+    text = robot_file.read(path)
     policy, joint = text["policy"], text["joint_defaults"][0]
     terms = [(term["term"], term.get("sensor", ""), float(term["scale"])) for term in policy["observation"]]
     if [term for term, _, _ in terms] != ["base_angular_velocity", "projected_gravity", "joint_velocity", "command"]:

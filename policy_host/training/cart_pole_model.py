@@ -7,8 +7,8 @@ State (batch, 4): cart (rad of the pulley), pole (rad, 0 upright), and their spe
 from dataclasses import dataclass
 
 import numpy as np
-import yaml
 
+import robot_file
 from arm_model import si
 
 GRAVITY = 9.81
@@ -72,8 +72,7 @@ def facts_of(joints, policy, terms, machine, camera, target):
 
 
 def load(path):
-    with open(path, encoding="utf-8") as file:
-        text = yaml.safe_load(file)
+    text = robot_file.read(path)
     joints, policy, simulation = text["joints"], text["policy"], text["simulation"]
     machine, cart = simulation["cart_pole"], joints[0]
     radius, pole, com = si(machine["pulley_radius"]), si(machine["pole_mass"]), si(machine["pole_com"])

@@ -29,11 +29,11 @@ from pathlib import Path
 import numpy as np
 import onnx
 import torch
-import yaml
 from onnx import TensorProto, helper
 
 import arm_model
 import network
+import robot_file
 from make_flow import Graph
 from target import nominal_targets
 from teacher import APPROACH_LEAD, DAMPING, HOME_PULL, JOINT_LAG, inverse_kinematics
@@ -58,8 +58,7 @@ class Arm:
         self.steps, self.dt, self.scale = policy["steps"], policy["step_period"], policy["scale"]
         self.joints, self.lane, self.reach, self.rate = self.robot.joints, self.robot.names.index(lane), reach, rate
         self.history = dict((term, history) for term, _, _, history in policy["terms"])["sensor"]
-        with open(path, encoding="utf-8") as file:
-            longest = arm_model.si(yaml.safe_load(file)["policy"]["action"]["join"]["longest"])
+        longest = arm_model.si(robot_file.read(path)["policy"]["action"]["join"]["longest"])
         self.longest = int(round(longest / self.dt)) + 2  # steps of a prefix: one begun, and one more
         if [term for term, _, _, _ in policy["terms"]] != ["joint_position_relative", "sensor"]:
             raise ValueError(f"{path}: expects observations of joint_position_relative and sensor")

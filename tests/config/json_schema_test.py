@@ -65,6 +65,8 @@ def main():
     for path, value, is_mistake in CHANGES:
         if validator.is_valid(changed(robots["arm6"], path, value)) == is_mistake:
             problems.append(f"{path} = {value!r} is {'accepted' if is_mistake else 'refused'}")
+    if validator.is_valid({"based_on": "arm6.yaml", "policy": {"file": 1}}):
+        problems.append("a wrong value beside based_on is accepted")
     for key in ("freshness", "joints"):
         without = {name: value for name, value in robots["arm6"].items() if name != key}
         if validator.is_valid(without):

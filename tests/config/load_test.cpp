@@ -15,6 +15,7 @@
 #include <numbers>
 #include <sstream>
 
+#include "config/based_on.hpp"
 #include "config/document.hpp"
 #include "config/drive_presets.hpp"
 #include "config/hash.hpp"
@@ -210,6 +211,79 @@ TEST(JointDefaults, AProblemIsToldOnceWithItsBlock) {
   EXPECT_NE(
       parse(with("joints:\n", "joint_default: []\njoints:\n"), "r").error().find("did you mean `joint_defaults`?"),
       std::string::npos);
+}
+
+// --- based_on ---
+
+// Goal: a robot that says how it differs from another one is that robot, written out. Method: a folder with the small
+// robot and one based on it, which changes a value in a section of a section, a whole list, and nothing else.
+class BasedOn : public testing::Test {
+ protected:
+  BasedOn() {
+    std::string folder = testing::TempDir() + "based_on.XXXXXX";
+    folder_ = mkdtemp(folder.data());
+    write("base.yaml", kSmallRobot);
+  }
+  ~BasedOn() override { std::filesystem::remove_all(folder_); }
+  void write(const std::string& name, std::string_view text) { std::ofstream(folder_ / name) << text; }
+  std::expected<RobotConfig, std::string> other(std::string_view text) {
+    write("other.yaml", text);
+    return load((folder_ / "other.yaml").string());
+  }
+  std::filesystem::path folder_;
+};
+
+TEST_F(BasedOn, IsTheSameRobotAsOneWrittenOut) {
+  const auto robot = other(
+      "based_on: base.yaml\nfreshness: { epsilon: 0.02 }\n"
+      "policy: { action: { scale: [0.3, 0.5] } }\n");
+  std::string written_out = with("epsilon: 0.01", "epsilon: 0.02");
+  constexpr std::string_view kScale = "scale: [0.25, 0.5]";
+  written_out.replace(written_out.find(kScale), kScale.size(), "scale: [0.3, 0.5]");
+  const auto plain = parse(written_out, (folder_ / "plain.yaml").string());
+  ASSERT_TRUE(robot && plain) << robot.error();
+  EXPECT_EQ(robot->hash, plain->hash);
+  EXPECT_EQ(robot->policy->file, plain->policy->file);
+  EXPECT_FALSE(robot->resolved.contains(kBasedOn)) << "a run folder's robot file stands alone";
+}
+
+TEST_F(BasedOn, AListReplacesTheBaseList) {
+  const auto robot = other("based_on: base.yaml\nbuses: [{ name: only, interface: can7 }]\n");
+  ASSERT_FALSE(robot);
+  EXPECT_NE(robot.error().find("/base.yaml:18:10: joints[0].bus: bus `left` is not known; write one of: only"),
+            std::string::npos)
+      << robot.error();
+}
+
+// Goal: each problem names the file and the line where it is written. Method: one mistake in the base, one in the file.
+TEST_F(BasedOn, ProblemsAreToldWhereTheyAreWritten) {
+  write("base.yaml", with("epsilon: 0.01", "epsilon: 2"));
+  const auto robot = other("based_on: base.yaml\nfreshness: { confidence: 3 }\n");
+  ASSERT_FALSE(robot);
+  const std::string own = (folder_ / "other.yaml").string(), base = (folder_ / "base.yaml").string();
+  EXPECT_TRUE(robot.error().starts_with(own + ":2:26: freshness.confidence: 3 is out of range")) << robot.error();
+  EXPECT_NE(robot.error().find("\n" + base + ":6:12: freshness.epsilon: 2 is out of range"), std::string::npos)
+      << robot.error();
+}
+
+TEST_F(BasedOn, ABaseThatCannotBeOneIsRefused) {
+  write("deeper.yaml", "based_on: base.yaml\n");
+  write("broken.yaml", "robot: [\n");
+  write("empty.yaml", "");
+  for (const auto& [text, sentence] : {
+           std::pair{"based_on: deeper.yaml\n", "deeper.yaml is based on base.yaml itself; name that one"},
+           std::pair{"based_on: ../base.yaml\n", "../base.yaml is a path; name a file in this folder"},
+           std::pair{"based_on: [base.yaml]\n", "based_on: holds a list; write the name of a robot file"},
+           std::pair{"based_on: none.yaml\n", "none.yaml: cannot be read: No such file or directory"},
+           std::pair{"based_on: other.yaml\n", "other.yaml is based on other.yaml itself"},
+           std::pair{"based_on: broken.yaml\n", "broken.yaml:2:1: YAML cannot be read"},
+           std::pair{"based_on: empty.yaml\n", "empty.yaml holds no robot; name another file"},
+           std::pair{"based_on: .\n", "is not a regular file; name a file"},
+       }) {
+    const auto robot = other(text);
+    ASSERT_FALSE(robot) << text;
+    EXPECT_NE(robot.error().find(sentence), std::string::npos) << robot.error();
+  }
 }
 
 TEST(Load, ModelGivesRangesAndExplicitOnesOverrideThem) {

@@ -166,7 +166,8 @@ def mcap():
     apart = [file.stem for file in files if not is_as_described(json.loads(file.read_text()), read.get(f"{file.stem}.mcap"))]
     text = f"""## MCAP
 
-The conformance suite's files, written from their descriptions by MCAP's reference library, and equal to the suite's own by their SHA-256.
+The conformance suite's files, written from their descriptions by MCAP's reference library.
+Their SHA-256 is that of the suite's own.
 As described: read whole, with every message (topic, schema, time, bytes) and all metadata.
 Read otherwise: {", ".join(apart) or "none"}.
 
