@@ -98,13 +98,14 @@ class Comparison {
  public:
   void look(const StatusSnapshot& status) {
     const CandidateRecord& candidate = status.tick.candidate;
+    const SeatRecord& seat = status.tick.seats[Seat::candidate];
     ++looks_;
-    fresh_ += is_usable(candidate.freshness) ? 1 : 0;
+    fresh_ += is_usable(seat.freshness) ? 1 : 0;
     range_ += candidate.beyond_range != 0 ? 1 : 0;
     limits_ += candidate.beyond_limits != 0 ? 1 : 0;
-    age_ = std::max(age_, candidate.age);
+    age_ = std::max(age_, seat.age);
     distance_ = std::max(distance_, candidate.distance);
-    refused_ = candidate.last_refusal;
+    refused_ = seat.last_refusal;
     in_charge_ = candidate.in_charge != 0;
     on_probation_ = candidate.on_probation != 0;
   }
@@ -157,7 +158,7 @@ std::expected<ChildProcess, Refusal> start_host(const SwapOptions& options, cons
 }
 
 bool is_attached(const StatusSnapshot& status, std::uint64_t policy_hash) {
-  return status.candidate_pid != 0 && status.tick.candidate.policy_hash == policy_hash;
+  return status.policy_pids[Seat::candidate] != 0 && status.tick.candidate.policy_hash == policy_hash;
 }
 
 // Says once a second how far apart the two are, until somebody interrupts. The error: why it cannot go on.
@@ -203,7 +204,7 @@ int shadow(const SwapOptions& options) {
   if (!hash) return refuse(config::kExitBadConfiguration, hash.error());
   const auto reply = robot->ask(OperatorVerb::status);
   if (!reply) return refuse_with(reply.error());
-  if (const std::uint64_t other = reply->status.candidate_pid; other != 0)
+  if (const std::uint64_t other = reply->status.policy_pids[Seat::candidate]; other != 0)
     return refuse(kExitFailed, fmt::format("a candidate runs already, pid {}: end it first", other));
   std::signal(SIGINT, [](int) { g_shadow_interrupted = 1; });
   std::signal(SIGTERM, [](int) { g_shadow_interrupted = 1; });

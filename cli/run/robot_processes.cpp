@@ -162,9 +162,9 @@ bool RobotProcesses::is_ready(ProcessName process, const std::optional<StatusSna
     case ProcessName::monitor:
       return status && is_pid(status->monitor_pid);
     case ProcessName::policy:
-      return status && is_pid(status->policy_pid);
+      return status && is_pid(status->policy_pids[Seat::policy]);
     case ProcessName::fallback:
-      return status && is_pid(status->fallback_pid);
+      return status && is_pid(status->policy_pids[Seat::fallback]);
   }
   return false;
 }

@@ -12,7 +12,7 @@ namespace takt::cli {
 namespace {
 
 std::string age_text(const TickRecordHeader& tick) {
-  if (tick.freshness == Freshness::missing) return "none";
+  if (tick.seats[Seat::policy].freshness == Freshness::missing) return "none";
   return fmt::format("{:.1f} ms", tick.age.total().milliseconds());
 }
 
@@ -39,16 +39,18 @@ nlohmann::json incident_json(const IncidentNote& incident) {
           {"sentence", said(incident.sentence)}};
 }
 
-nlohmann::json candidate_json(const CandidateRecord& candidate) {
+nlohmann::json candidate_json(const TickRecordHeader& tick) {
+  const CandidateRecord& candidate = tick.candidate;
+  const SeatRecord& seat = tick.seats[Seat::candidate];
   if (candidate.policy_hash == 0) return nullptr;
   return {{"policy", fmt::format("{:016x}", candidate.policy_hash)},
           {"in_charge", candidate.in_charge != 0},
           {"on_probation", candidate.on_probation != 0},
           {"is_asked", candidate.is_asked != 0},
-          {"freshness", name(candidate.freshness)},
-          {"age_ns", candidate.age.ns},
+          {"freshness", name(seat.freshness)},
+          {"age_ns", seat.age.ns},
           {"distance_rad", candidate.distance},
-          {"last_refusal", name(candidate.last_refusal)},
+          {"last_refusal", name(seat.last_refusal)},
           {"beyond_range", candidate.beyond_range},
           {"beyond_limits", candidate.beyond_limits}};
 }
@@ -83,13 +85,15 @@ std::uint64_t refused_of(const StatusSnapshot& status) {
 // "pid 12 (0123456789abcdef), beside the policy: fresh, age 12.3 ms, differs by 0.0312 rad".
 std::string candidate_text(const StatusSnapshot& status) {
   const CandidateRecord& candidate = status.tick.candidate;
+  const SeatRecord& seat = status.tick.seats[Seat::candidate];
   const bool plays = candidate.in_charge != 0;
-  const std::string who = fmt::format("{} ({:016x})", peer_text(status.candidate_pid), candidate.policy_hash);
+  const std::string who =
+      fmt::format("{} ({:016x})", peer_text(status.policy_pids[Seat::candidate]), candidate.policy_hash);
   const std::string where = !plays ? "beside the policy"
                                    : fmt::format("IN CHARGE{}; beside it the robot's own",
                                                  candidate.on_probation != 0 ? ", on probation" : "");
-  return fmt::format("{}, {}: command {}, age {:.1f} ms, differs by {:.4f} rad{}", who, where,
-                     name(candidate.freshness), candidate.age.milliseconds(), candidate.distance,
+  return fmt::format("{}, {}: command {}, age {:.1f} ms, differs by {:.4f} rad{}", who, where, name(seat.freshness),
+                     seat.age.milliseconds(), candidate.distance,
                      candidate.is_asked != 0 ? "; a change is asked for" : "");
 }
 
@@ -104,7 +108,7 @@ std::string status_text(const StatusSnapshot& status, const IncidentNote& incide
   if (incident.tick != 0)
     text +=
         fmt::format("incident   {}{}\n", incident.stands != 0 ? "" : "none now; the last: ", said(incident.sentence));
-  text += fmt::format("command    {}, age {}\n", name(tick.freshness), age_text(tick));
+  text += fmt::format("command    {}, age {}\n", name(tick.seats[Seat::policy].freshness), age_text(tick));
   text += fmt::format("misses     {} of the last {} ticks\n", tick.window_misses, tick.window_ticks);
   text += fmt::format("ticks      {}, {} overruns, {} periods skipped\n", status.ticks, overruns_of(status),
                       tick.skipped_periods);
@@ -122,10 +126,10 @@ std::string status_text(const StatusSnapshot& status, const IncidentNote& incide
   text += fmt::format("drives     {}{}{}\n", tick.drives_enabled != 0 ? "enabled" : "disabled",
                       hot ? "; hotter than a warning of limits.temperature (takt top says which)" : "",
                       behind ? "; a joint is behind its reference (takt top says which)" : "");
-  text += fmt::format("policy     {}\n", peer_text(status.policy_pid));
-  if (status.fallback_pid != 0 || tick.fallback.freshness != Freshness::missing)
-    text += fmt::format("fallback   {}, command {}, age {:.1f} ms\n", peer_text(status.fallback_pid),
-                        name(tick.fallback.freshness), tick.fallback.age.milliseconds());
+  text += fmt::format("policy     {}\n", peer_text(status.policy_pids[Seat::policy]));
+  if (status.policy_pids[Seat::fallback] != 0 || tick.seats[Seat::fallback].freshness != Freshness::missing)
+    text += fmt::format("fallback   {}, command {}, age {:.1f} ms\n", peer_text(status.policy_pids[Seat::fallback]),
+                        name(tick.seats[Seat::fallback].freshness), tick.seats[Seat::fallback].age.milliseconds());
   if (tick.candidate.policy_hash != 0) text += fmt::format("candidate  {}\n", candidate_text(status));
   text += fmt::format("monitor    {}, {}\n", peer_text(status.monitor_pid), recording_text(status));
   text += fmt::format("real time  {}\n", status.realtime != 0 ? "yes" : "no (--allow-non-realtime)");
@@ -139,8 +143,8 @@ std::string status_line(const StatusSnapshot& status, Duration max_age) {
                                 : tick.mode == Mode::damped_stop ? "stop/fallback"
                                                                  : "fallback";
   return fmt::format("{:<13} age {:>9}{}  {:<7}  misses {}/{}  overruns {}{}", mode, age_text(tick), limit,
-                     name(tick.freshness), tick.window_misses, tick.window_ticks, overruns_of(status),
-                     status.realtime != 0 ? "" : "  (not real time)");
+                     name(tick.seats[Seat::policy].freshness), tick.window_misses, tick.window_ticks,
+                     overruns_of(status), status.realtime != 0 ? "" : "  (not real time)");
 }
 
 nlohmann::json status_json(const StatusSnapshot& status, const IncidentNote& incident) {
@@ -154,9 +158,9 @@ nlohmann::json status_json(const StatusSnapshot& status, const IncidentNote& inc
   nlohmann::json active = nlohmann::json::array();
   for (std::size_t cause = 1; cause < kCauseCount; ++cause)
     if ((tick.causes_active >> cause & 1U) != 0) active.push_back(name(static_cast<Cause>(cause)));
-  const bool has_age = tick.freshness != Freshness::missing;
+  const bool has_age = tick.seats[Seat::policy].freshness != Freshness::missing;
   return {{"mode", name(tick.mode)},
-          {"freshness", name(tick.freshness)},
+          {"freshness", name(tick.seats[Seat::policy].freshness)},
           {"age_ns", has_age ? nlohmann::json(tick.age.total().ns) : nlohmann::json()},
           {"window_misses", tick.window_misses},
           {"window_ticks", tick.window_ticks},
@@ -169,12 +173,12 @@ nlohmann::json status_json(const StatusSnapshot& status, const IncidentNote& inc
           {"incident", incident_json(incident)},
           {"drives_enabled", tick.drives_enabled != 0},
           {"player", name(tick.player)},
-          {"policy_pid", status.policy_pid},
-          {"fallback_pid", status.fallback_pid},
-          {"fallback_freshness", name(tick.fallback.freshness)},
-          {"fallback_age_ns", tick.fallback.age.ns},
-          {"candidate_pid", status.candidate_pid},
-          {"candidate", candidate_json(tick.candidate)},
+          {"policy_pid", status.policy_pids[Seat::policy]},
+          {"fallback_pid", status.policy_pids[Seat::fallback]},
+          {"fallback_freshness", name(tick.seats[Seat::fallback].freshness)},
+          {"fallback_age_ns", tick.seats[Seat::fallback].age.ns},
+          {"candidate_pid", status.policy_pids[Seat::candidate]},
+          {"candidate", candidate_json(tick)},
           {"command_policy", fmt::format("{:016x}", tick.command_policy)},
           {"monitor_pid", status.monitor_pid},
           {"recorded_through", tick.recorded_through},

@@ -71,7 +71,7 @@ void LiveView::tick(const TickRecord& record) {
   session_.incidents.tick(record);
   if (is_first || header.mode != header.previous_mode) session_.mode_since = header.now;
   if (header.mode != header.previous_mode) session_.entered_by = header.cause;
-  if (header.arrival == Arrival::accepted) {
+  if (header.seats[Seat::policy].arrival == Arrival::accepted) {
     session_.accepted.add(header.now, 1);
     session_.policy_hash = session_.claimed_hash;
   }
@@ -83,10 +83,10 @@ void LiveView::tick(const TickRecord& record) {
 }
 
 void LiveView::remember_ages(const TickRecordHeader& header) {
-  if (header.freshness == Freshness::missing) return;
+  if (header.seats[Seat::policy].freshness == Freshness::missing) return;
   const AgeParts& age = header.age;
   if (relies_on_policy(header)) session_.ages.push_back({header.now, age.total().ns});
-  if (header.arrival == Arrival::accepted)
+  if (header.seats[Seat::policy].arrival == Arrival::accepted)
     session_.stages.push_back({header.now, {age.sense.ns, age.queue.ns, age.infer.ns, age.publish.ns}});
   forget_older(session_.ages, header.now - kWindow);
   forget_older(session_.stages, header.now - kWindow);
@@ -103,8 +103,8 @@ void LiveView::remember_slice(const TickRecordHeader& header) {
   Slice& slice = slices_.back();
   slice.mode = slice.ticks == 0 ? header.mode : std::max(slice.mode, header.mode);
   ++slice.ticks;
-  if (header.freshness != Freshness::missing) slice.age = std::max(slice.age, header.age.total());
-  slice.missed |= relies_on_policy(header) && !is_usable(header.freshness);
+  if (header.seats[Seat::policy].freshness != Freshness::missing) slice.age = std::max(slice.age, header.age.total());
+  slice.missed |= relies_on_policy(header) && !is_usable(header.seats[Seat::policy].freshness);
   slice.marked |= header.operator_request == OperatorRequest::mark;
 }
 
@@ -133,7 +133,7 @@ void LiveView::describe_policy(Picture& picture, MonoTime now) const {
   if (robot_.policy) picture.planned_rate = 1 / robot_.policy->period.seconds();
   picture.arrivals = session_.metrics.arrivals;
   if (!session_.has_status) return;
-  picture.policy_pid = session_.reply.status.policy_pid;
+  picture.policy_pid = session_.reply.status.policy_pids[Seat::policy];
   picture.monitor_pid = session_.reply.status.monitor_pid;
   picture.realtime = session_.reply.status.realtime != 0;
 }

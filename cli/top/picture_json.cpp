@@ -29,8 +29,9 @@ Json counts_json(const std::array<std::uint64_t, size>& counts, std::size_t firs
 }
 
 Json age_json(const Picture& picture) {
-  Json json{{"limit_ns", picture.max_age.ns}, {"freshness", takt::name(picture.tick.freshness)}};
-  json["now_ns"] = picture.tick.freshness == Freshness::missing ? Json(nullptr) : Json(picture.tick.age.total().ns);
+  Json json{{"limit_ns", picture.max_age.ns}, {"freshness", takt::name(picture.tick.seats[Seat::policy].freshness)}};
+  json["now_ns"] = picture.tick.seats[Seat::policy].freshness == Freshness::missing ? Json(nullptr)
+                                                                                    : Json(picture.tick.age.total().ns);
   json["recent_ns"] = quantiles_json(picture.age);
   for (std::size_t stage = 0; stage < kAgeStageCount; ++stage)
     json["stages_ns"][std::string(kAgeStageNames[stage])] = quantiles_json(picture.stages[stage]);

@@ -91,7 +91,7 @@ std::vector<Line> incident_lines(const Picture& picture, std::size_t columns) {
 }
 
 Line age_line(const Picture& picture) {
-  const Freshness freshness = picture.tick.freshness;
+  const Freshness freshness = picture.tick.seats[Seat::policy].freshness;
   const bool is_missing = freshness == Freshness::missing;
   Line line = labelled("age");
   line.add(is_missing ? std::string("none") : fmt::format("{:.1f}", picture.tick.age.total().milliseconds()),

@@ -205,7 +205,8 @@ class Laboratory {
     bool ends = false;
     decide(recorded_, [&](const TickRecord& was, const TickRecord&) {
       const bool behind = was.header.tick > slice_.incident->tick;
-      ends |= behind && (waits_for_command(cause_) ? was.header.mailbox != Arrival::none : !holds(was.header));
+      ends |= behind && (waits_for_command(cause_) ? was.header.seats[Seat::policy].mailbox != Arrival::none
+                                                   : !holds(was.header));
       return true;
     });
     return ends;
@@ -224,7 +225,8 @@ class Laboratory {
   }
   [[nodiscard]] bool is_over(const TickRecordHeader& was, const TickRecordHeader& is) const {
     if (cause_ == Cause::enable_timeout) return is.mode == Mode::tracking || is.mode == Mode::degraded;
-    if (cause_ == Cause::command_lost) return is.arrival == Arrival::accepted && is_usable(is.freshness);
+    const SeatRecord& policy = is.seats[Seat::policy];
+    if (cause_ == Cause::command_lost) return policy.arrival == Arrival::accepted && is_usable(policy.freshness);
     return !holds(was);
   }
 
@@ -241,7 +243,7 @@ class Laboratory {
       const pipeline::TickInput* input = input_.of(*was_);
       if (input == nullptr) return false;
       pipeline::control_tick(*state, *input, config, *output_);
-      const Arrival arrival = output_->record.header.arrival;
+      const Arrival arrival = output_->record.header.seats[Seat::policy].arrival;
       if (input_.is_by_header() && arrival == Arrival::accepted) return false;
       if (!visit(std::as_const(*was_), std::as_const(output_->record))) return false;
     }

@@ -48,26 +48,21 @@ std::optional<pipeline::PolicyMessage> RecordedInput::Mailbox::take(std::uint64_
   return message;
 }
 
-RecordedInput::Mailbox& RecordedInput::mailbox_of(Player sender) {
-  if (sender == Player::candidate) return candidate_;
-  return sender == Player::fallback ? fallback_ : policy_;
-}
-
 const pipeline::TickInput* RecordedInput::of(const TickRecord& record) {
   const TickRecordHeader& header = record.header;
-  const FallbackRecord& second = header.fallback;
-  const CandidateRecord& third = header.candidate;
-  const auto policy = policy_.take(header.tick, header.mailbox, header.policy_session, header.arrival);
-  const auto fallback = fallback_.take(header.tick, second.mailbox, second.session, second.arrival);
-  const auto candidate = candidate_.take(header.tick, third.mailbox, third.session, third.arrival);
+  PerSeat<pipeline::PolicyMessage> messages;
+  bool all_there = true;
   is_by_header_ = false;
-  if (!policy || !fallback || !candidate) return nullptr;
-  *input_ = pipeline::input_of(record, policy->command, policy->bytes);
-  input_->policy = *policy;
-  input_->fallback = *fallback;
-  input_->candidate = *candidate;
-  is_by_header_ =
-      policy->values != Arrival::none || fallback->values != Arrival::none || candidate->values != Arrival::none;
+  for (const Seat seat : kSeats) {
+    const SeatRecord& told = header.seats[seat];
+    const auto message = mailboxes_[seat].take(header.tick, told.mailbox, told.session, told.arrival);
+    if (message) messages[seat] = *message;
+    all_there &= message.has_value();
+    is_by_header_ |= messages[seat].values != Arrival::none;
+  }
+  if (!all_there) return nullptr;
+  *input_ = pipeline::input_of(record, nullptr, 0);
+  input_->messages = messages;
   return input_.get();
 }
 

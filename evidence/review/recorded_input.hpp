@@ -18,7 +18,9 @@ pipeline::TickConfig recorded_config(const RecordedRun& run);
 class RecordedInput {
  public:
   // Call before of() of the tick that read it.
-  void command(RecordedCommand command) { mailbox_of(command.sender).pending = std::move(command); }
+  void command(RecordedCommand command) {
+    mailboxes_[seat_of(command.sender).value_or(Seat::policy)].pending = std::move(command);
+  }
   // Valid until the next call; null: the tick read a message that is not in the recording, or was told of one that it
   // did not read.
   const pipeline::TickInput* of(const TickRecord& record);
@@ -33,9 +35,8 @@ class RecordedInput {
     std::optional<pipeline::PolicyMessage> take(std::uint64_t tick, Arrival mailbox, std::uint8_t session,
                                                 Arrival verdict);
   };
-  Mailbox& mailbox_of(Player sender);
 
-  Mailbox policy_, fallback_, candidate_;
+  PerSeat<Mailbox> mailboxes_;
   std::unique_ptr<pipeline::TickInput> input_ = std::make_unique<pipeline::TickInput>();
   bool is_by_header_ = false;
 };

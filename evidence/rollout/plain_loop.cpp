@@ -83,9 +83,10 @@ void copy_inputs(const pipeline::TickInput& input, const pipeline::TickConfig& c
   header.torque_output = input.torque_output;
   header.imu = input.imu;
   header.imu_verdict = input.imu.sequence != 0 ? ImuVerdict::usable : ImuVerdict::absent;
-  header.mailbox = input.policy.mailbox;
-  header.policy_session = input.policy.session;
-  header.command_sequence_seen = input.policy.command != nullptr ? input.policy.command->header.sequence : 0;
+  header.seats[Seat::policy].mailbox = input.messages[Seat::policy].mailbox;
+  header.seats[Seat::policy].session = input.messages[Seat::policy].session;
+  header.seats[Seat::policy].command_sequence_seen =
+      input.messages[Seat::policy].command != nullptr ? input.messages[Seat::policy].command->header.sequence : 0;
   header.bus_count = static_cast<std::uint8_t>(config.bus_count);
   header.joint_count = config.joint_count;
   std::copy_n(input.buses, config.bus_count, header.buses);
@@ -112,21 +113,22 @@ JointSetpoint plain_setpoint(const CommandChunk& chunk, Duration since, std::siz
 PlainLoop::PlainLoop(const pipeline::TickConfig& config) : config_(config), gravity_(config) {}
 
 void PlainLoop::take(const pipeline::PolicyMessage& message, TickRecordHeader& header) {
-  header.arrival = message.mailbox;
+  header.seats[Seat::policy].arrival = message.mailbox;
   if (message.mailbox != Arrival::accepted || message.command == nullptr) return;
   const CommandChunk& chunk = *message.command;
   pipeline::RememberedObservation answered;
   if (!is_playable(message, config_.joint_count)) {
-    header.arrival = Arrival::wrong_shape;
+    header.seats[Seat::policy].arrival = Arrival::wrong_shape;
   } else if (!std::ranges::all_of(std::span(chunk.values, chunk.value_count()),
                                   [](float value) { return std::isfinite(value); })) {
-    header.arrival = Arrival::not_finite;  // nothing that a frame could say
+    header.seats[Seat::policy].arrival = Arrival::not_finite;  // nothing that a frame could say
   } else if (memory_.recall(chunk.header.observation_id, kRemembered, answered) !=
              pipeline::ObservationMemory::Recall::known) {
-    header.arrival = Arrival::unknown_observation;
+    header.seats[Seat::policy].arrival = Arrival::unknown_observation;
   }
-  header.last_refusal = is_refusal(header.arrival) ? header.arrival : Arrival::none;
-  if (header.arrival != Arrival::accepted) return;
+  header.seats[Seat::policy].last_refusal =
+      is_refusal(header.seats[Seat::policy].arrival) ? header.seats[Seat::policy].arrival : Arrival::none;
+  if (header.seats[Seat::policy].arrival != Arrival::accepted) return;
   const MonoTime outside = chunk.header.outside_sensed_at;
   command_ = {};
   command_.sequence = chunk.header.sequence;
@@ -248,13 +250,13 @@ void PlainLoop::publish(const pipeline::TickInput& input, pipeline::TickOutput& 
 void PlainLoop::tick(const pipeline::TickInput& input, pipeline::TickOutput& output) {
   TickRecordHeader& header = output.record.header;
   copy_inputs(input, config_, header);
-  take(input.policy, header);
+  take(input.messages[Seat::policy], header);
   change_mode(input, header);
-  header.freshness = freshness_at(command_, input.now, config_.freshness);
-  if (header.freshness != Freshness::missing) header.age = command_.age_parts(input.now);
-  header.command_sequence = command_.sequence;
+  header.seats[Seat::policy].freshness = freshness_at(command_, input.now, config_.freshness);
+  if (header.seats[Seat::policy].freshness != Freshness::missing) header.age = command_.age_parts(input.now);
+  header.seats[Seat::policy].command_sequence = command_.sequence;
   header.command_policy = command_.policy_hash;
-  header.observation_answered = command_.observation_id;
+  header.seats[Seat::policy].observation_answered = command_.observation_id;
   if (mode_ == Mode::tracking) {
     header.player = Player::policy;
     header.chunk_step = static_cast<std::uint8_t>(

@@ -219,12 +219,14 @@ class Rollout {
     const ArrivedCommand* const arrived = policy_.read(now);
     if (repeats_ && arrived != nullptr) repeater_.pass(*arrived);
     const CommandChunk* const chunk = arrived != nullptr ? arrived->chunk.get() : nullptr;
-    input_.policy = repeats_ && chunk == nullptr ? message_of(repeater_.read(), 1)
-                                                 : message_of(chunk, repeats_ ? 1 : policy_.session());
-    if (input_.policy.command != nullptr && setup_.on_command) setup_.on_command(*input_.policy.command);
+    input_.messages[Seat::policy] = repeats_ && chunk == nullptr ? message_of(repeater_.read(), 1)
+                                                                 : message_of(chunk, repeats_ ? 1 : policy_.session());
+    if (input_.messages[Seat::policy].command != nullptr && setup_.on_command)
+      setup_.on_command(*input_.messages[Seat::policy].command);
     if (!fallback_) return;
     const ArrivedCommand* const of_fallback = fallback_->read(now);
-    input_.fallback = message_of(of_fallback != nullptr ? of_fallback->chunk.get() : nullptr, fallback_->session());
+    input_.messages[Seat::fallback] =
+        message_of(of_fallback != nullptr ? of_fallback->chunk.get() : nullptr, fallback_->session());
   }
 
   const RolloutSetup& setup_;

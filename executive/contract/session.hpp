@@ -6,11 +6,13 @@
 #include <array>
 #include <concepts>
 #include <cstdint>
+#include <optional>
 #include <string_view>
 #include <type_traits>
 
 #include "executive/contract/layout.hpp"
 #include "executive/contract/mode.hpp"
+#include "executive/contract/seat.hpp"
 #include "executive/contract/tick_record.hpp"
 
 namespace takt {
@@ -45,8 +47,22 @@ constexpr std::string_view name(Role role) {
   return index < names.size() ? names[index] : "invalid";
 }
 
+// The roles of each seat: of its policy's host, and of who reads what that host says of its inputs.
+inline constexpr PerSeat<Role> kPolicyRoles{{Role::policy, Role::fallback_policy, Role::candidate_policy}};
+inline constexpr PerSeat<Role> kInputReaderRoles{
+    {Role::input_reader, Role::fallback_input_reader, Role::candidate_input_reader}};
+// None: it is a role of no seat.
+constexpr std::optional<Seat> seat_of(Role role) {
+  for (const Seat seat : kSeats)
+    if (role == kPolicyRoles[seat] || role == kInputReaderRoles[seat]) return seat;
+  return std::nullopt;
+}
 constexpr bool is_policy(Role role) {
-  return role == Role::policy || role == Role::fallback_policy || role == Role::candidate_policy;
+  const auto seat = seat_of(role);
+  return seat && role == kPolicyRoles[*seat];
+}
+constexpr bool is_input_reader(Role role) {
+  return seat_of(role) && !is_policy(role);
 }
 
 struct Hello {
@@ -132,22 +148,17 @@ struct StatusSnapshot {
   std::uint64_t ticks = 0;
   std::uint64_t overruns[kOverrunCauseCount] = {};
   std::uint64_t arrivals[kArrivalCount] = {};
-  std::uint64_t policy_pid = 0;     // 0: no policy attached
-  std::uint64_t fallback_pid = 0;   // 0: no fallback policy attached
-  std::uint64_t candidate_pid = 0;  // 0: nobody at the candidate's mailbox
-  std::uint64_t monitor_pid = 0;    // 0: no monitor attached
-  std::uint8_t realtime = 0;        // 1 when the whole real-time set-up succeeded
+  PerSeat<std::uint64_t> policy_pids{};  // 0: no policy attached
+  std::uint64_t monitor_pid = 0;         // 0: no monitor attached
+  std::uint8_t realtime = 0;             // 1 when the whole real-time set-up succeeded
   std::uint8_t recorder_required = 0;
   std::uint8_t reserved[6] = {};
 };
 template <std::same_as<StatusSnapshot> Of>
 constexpr auto fields_of(Shared<Of>) {
   return std::array{
-      TAKT_FIELD(tick),          TAKT_FIELD(ticks),
-      TAKT_FIELD(overruns),      TAKT_FIELD(arrivals),
-      TAKT_FIELD(policy_pid),    TAKT_FIELD(fallback_pid),
-      TAKT_FIELD(candidate_pid), TAKT_FIELD(monitor_pid),
-      TAKT_FIELD(realtime),      TAKT_FIELD(recorder_required),
+      TAKT_FIELD(tick),        TAKT_FIELD(ticks),       TAKT_FIELD(overruns), TAKT_FIELD(arrivals),
+      TAKT_FIELD(policy_pids), TAKT_FIELD(monitor_pid), TAKT_FIELD(realtime), TAKT_FIELD(recorder_required),
       TAKT_FIELD(reserved),
   };
 }

@@ -9,6 +9,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string_view>
 #include <type_traits>
 
@@ -20,6 +21,7 @@
 #include "executive/contract/mode.hpp"
 #include "executive/contract/mono_time.hpp"
 #include "executive/contract/overrun.hpp"
+#include "executive/contract/seat.hpp"
 #include "executive/contract/torque_output.hpp"
 #include "executive/contract/verdict.hpp"
 
@@ -62,7 +64,7 @@ constexpr auto fields_of(Shared<Of>) {
 // Whose chunk the robot follows in a tick, or whose message is told of: the candidate never moves the robot, it becomes
 // the policy.
 enum class Player : std::uint8_t { none, policy, fallback, candidate };
-inline constexpr std::size_t kPlayerCount = 4;
+inline constexpr std::size_t kPlayerCount = 1 + kSeatCount;
 inline constexpr std::size_t kMoverCount = 3;  // the first of them: whose chunk a robot can follow
 
 constexpr std::string_view name(Player player) {
@@ -71,20 +73,29 @@ constexpr std::string_view name(Player player) {
   return index < names.size() ? names[index] : "invalid";
 }
 
-// The fallback policy, which is judged in every tick as the policy is. All zero where the robot has none.
-struct FallbackRecord {
+// None: of no seat, or no player at all.
+constexpr std::optional<Seat> seat_of(Player player) {
+  if (player == Player::none || static_cast<std::size_t>(player) >= kPlayerCount) return std::nullopt;
+  return static_cast<Seat>(static_cast<std::size_t>(player) - 1);
+}
+constexpr Player player_of(Seat seat) {
+  return static_cast<Player>(static_cast<std::size_t>(seat) + 1);
+}
+
+// The policy of one seat, judged in every tick. All zero where the robot has none there.
+struct SeatRecord {
   std::uint64_t command_sequence_seen = 0;  // input: of the message read this tick; 0 none
   Duration age;                             // of its command in use; zero while freshness is missing
   std::uint64_t command_sequence = 0;       // in use; 0 none
   std::uint64_t observation_answered = 0;
-  Arrival mailbox = Arrival::none;  // input: as TickRecordHeader::mailbox
-  std::uint8_t session = 0;         // input: as TickRecordHeader::policy_session
+  Arrival mailbox = Arrival::none;  // input: none, contended, corrupt; accepted means: a message was read
+  std::uint8_t session = 0;         // input: differs from the previous tick's when another mailbox is read now
   Arrival arrival = Arrival::none;
   Arrival last_refusal = Arrival::none;  // of the newest message; none: it was accepted, or there was none
   Freshness freshness = Freshness::missing;
   std::uint8_t reserved[3] = {};
 };
-template <std::same_as<FallbackRecord> Of>
+template <std::same_as<SeatRecord> Of>
 constexpr auto fields_of(Shared<Of>) {
   return std::array{
       TAKT_FIELD(command_sequence_seen),
@@ -128,51 +139,24 @@ constexpr bool is_handover(PolicyChange change) {
   return change >= PolicyChange::swapped && change != PolicyChange::confirmed;
 }
 
-// The policy that runs beside the one in charge, judged and compared in every tick, and not played. All zero where
-// there is none.
+// What is told of the candidate's seat alone. All zero where there is no candidate.
 struct CandidateRecord {
-  std::uint64_t command_sequence_seen = 0;  // input: of the message read this tick; 0 none
-  std::uint64_t policy_hash = 0;            // input: of the candidate's mailbox, whoever is in charge; 0: none yet
-  std::uint64_t asked_policy = 0;           // input: of a swap, the policy that was named
-  Duration age;                             // of its command in use; zero while freshness is missing
-  std::uint64_t command_sequence = 0;       // in use; 0 none
-  std::uint64_t observation_answered = 0;
-  JointMask beyond_range = 0;       // joints whose target would be brought into its range
-  JointMask beyond_limits = 0;      // joints whose path would touch a limit of velocity or acceleration
-  float distance = 0;               // rad: of its targets from those in use, of the joint that is farthest
-  Arrival mailbox = Arrival::none;  // input: as TickRecordHeader::mailbox
-  std::uint8_t session = 0;         // input: as TickRecordHeader::policy_session
-  Arrival arrival = Arrival::none;
-  Arrival last_refusal = Arrival::none;  // of the newest message; none: it was accepted, or there was none
-  Freshness freshness = Freshness::missing;
+  std::uint64_t policy_hash = 0;   // input: of the candidate's mailbox, whoever is in charge; 0: none yet
+  std::uint64_t asked_policy = 0;  // input: of a swap, the policy that was named
+  JointMask beyond_range = 0;      // joints whose target would be brought into its range
+  JointMask beyond_limits = 0;     // joints whose path would touch a limit of velocity or acceleration
+  float distance = 0;              // rad: of its targets from those in use, of the joint that is farthest
   PolicyChange change = PolicyChange::none;
   std::uint8_t in_charge = 0;     // 1: after this tick the candidate's mailbox is the policy's, and the other way round
   std::uint8_t on_probation = 0;  // 1: after this tick
   std::uint8_t is_asked = 0;      // 1: after this tick a change is asked for and has not come yet
-  std::uint8_t reserved[3] = {};
 };
 template <std::same_as<CandidateRecord> Of>
 constexpr auto fields_of(Shared<Of>) {
   return std::array{
-      TAKT_FIELD(command_sequence_seen),
-      TAKT_FIELD(policy_hash),
-      TAKT_FIELD(asked_policy),
-      TAKT_FIELD(age),
-      TAKT_FIELD(command_sequence),
-      TAKT_FIELD(observation_answered),
-      TAKT_FIELD(beyond_range),
-      TAKT_FIELD(beyond_limits),
-      TAKT_FIELD(distance),
-      TAKT_FIELD(mailbox),
-      TAKT_FIELD(session),
-      TAKT_FIELD(arrival),
-      TAKT_FIELD(last_refusal),
-      TAKT_FIELD(freshness),
-      TAKT_FIELD(change),
-      TAKT_FIELD(in_charge),
-      TAKT_FIELD(on_probation),
-      TAKT_FIELD(is_asked),
-      TAKT_FIELD(reserved),
+      TAKT_FIELD(policy_hash),   TAKT_FIELD(asked_policy), TAKT_FIELD(beyond_range),
+      TAKT_FIELD(beyond_limits), TAKT_FIELD(distance),     TAKT_FIELD(change),
+      TAKT_FIELD(in_charge),     TAKT_FIELD(on_probation), TAKT_FIELD(is_asked),
   };
 }
 
@@ -187,42 +171,34 @@ struct TickRecordHeader {
   JointMask last_damped = 0;          // joints to which the previous tick sent its damping instead: it was too late
   MonoTime asked_at;                  // when the executive heard the stop or shutdown of operator_request; else unset
   BusHealth buses[kMaxBuses];
-  ImuSample imu;                            // as it was read, newest; sequence 0: none yet
-  std::uint64_t command_sequence_seen = 0;  // sequence of the message read this tick; 0 none
-  std::uint64_t recorded_through = 0;       // newest tick the recorder has on its medium; 0: nothing records
+  ImuSample imu;                       // as it was read, newest; sequence 0: none yet
+  std::uint64_t recorded_through = 0;  // newest tick the recorder has on its medium; 0: nothing records
+  std::uint32_t slept_ms = 0;          // the computer was suspended this long since the tick before; 0: it was not
+  std::uint32_t joint_count = 0;
+  std::uint8_t bus_count = 0;
   OperatorRequest operator_request = OperatorRequest::none;
   OverrunCause overrun_cause = OverrunCause::none;  // of the previous period
-  Arrival mailbox = Arrival::none;                  // none, contended, corrupt; accepted means: a message was read
-  std::uint8_t bus_count = 0;
-  std::uint32_t joint_count = 0;
-  // outputs
-  AgeParts age;                        // all zero while freshness is missing
-  std::uint64_t command_sequence = 0;  // command in use; 0 none
-  std::uint64_t observation_answered = 0;
+  TorqueOutputState torque_output = TorqueOutputState::none;
+  // outputs, but for what SeatRecord and CandidateRecord call inputs
+  Mode mode = Mode::standby;  // after this tick
+  Mode previous_mode = Mode::standby;
+  Cause cause = Cause::none;  // of the transition, if one happened this tick
+  ImuVerdict imu_verdict = ImuVerdict::absent;
+  std::uint64_t causes_active = 0;          // bit per Cause that holds this tick
   std::uint64_t observation_published = 0;  // id published this tick; 0 none
+  std::uint64_t command_policy = 0;         // hash of the policy whose command is in use
+  AgeParts age;                             // of the policy's command in use; all zero while its freshness is missing
   std::uint32_t window_misses = 0;          // exact count over the sliding window
   std::uint32_t window_ticks = 0;
   std::uint32_t integration_errors = 0;  // stamps that ran backwards, since start
   std::uint32_t refused_commands = 0;    // since start
-  Mode mode = Mode::standby;             // after this tick
-  Mode previous_mode = Mode::standby;
-  Cause cause = Cause::none;  // of the transition, if one happened this tick
-  Arrival arrival = Arrival::none;
-  Freshness freshness = Freshness::missing;
-  std::uint8_t chunk_step = 0;      // step being played, of `player`
-  std::uint8_t drives_enabled = 0;  // 1 when drives are told to be enabled; which: JointRecord::drive_enabled
-  std::uint8_t policy_session = 0;  // input: differs from the previous tick's when another policy's mailbox is read now
-  std::uint64_t causes_active = 0;  // bit per Cause that holds this tick
-  std::uint32_t slept_ms = 0;       // input: the computer was suspended this long since the tick before; 0: it was not
-  Arrival last_refusal = Arrival::none;  // of the newest message; none: it was accepted, or there was none
-  TorqueOutputState torque_output = TorqueOutputState::none;  // input
-  std::uint8_t torque_permitted = 0;                          // 1 when that output is told to permit torque
-  ImuVerdict imu_verdict = ImuVerdict::absent;
-  FallbackRecord fallback;
+  Player player = Player::none;          // whose chunk the robot follows
+  std::uint8_t chunk_step = 0;           // step being played, of `player`
+  std::uint8_t drives_enabled = 0;       // 1 when drives are told to be enabled; which: JointRecord::drive_enabled
+  std::uint8_t torque_permitted = 0;     // 1 when torque_output is told to permit torque
+  std::uint8_t reserved[4] = {};
+  PerSeat<SeatRecord> seats;
   CandidateRecord candidate;
-  std::uint64_t command_policy = 0;  // hash of the policy whose command is in use
-  Player player = Player::none;      // whose chunk the robot follows
-  std::uint8_t reserved[7] = {};
 };
 template <std::same_as<TickRecordHeader> Of>
 constexpr auto fields_of(Shared<Of>) {
@@ -237,40 +213,32 @@ constexpr auto fields_of(Shared<Of>) {
       TAKT_FIELD(asked_at),
       TAKT_FIELD(buses),
       TAKT_FIELD(imu),
-      TAKT_FIELD(command_sequence_seen),
       TAKT_FIELD(recorded_through),
+      TAKT_FIELD(slept_ms),
+      TAKT_FIELD(joint_count),
+      TAKT_FIELD(bus_count),
       TAKT_FIELD(operator_request),
       TAKT_FIELD(overrun_cause),
-      TAKT_FIELD(mailbox),
-      TAKT_FIELD(bus_count),
-      TAKT_FIELD(joint_count),
-      TAKT_FIELD(age),
-      TAKT_FIELD(command_sequence),
-      TAKT_FIELD(observation_answered),
+      TAKT_FIELD(torque_output),
+      TAKT_FIELD(mode),
+      TAKT_FIELD(previous_mode),
+      TAKT_FIELD(cause),
+      TAKT_FIELD(imu_verdict),
+      TAKT_FIELD_OF(Cause, causes_active),
       TAKT_FIELD(observation_published),
+      TAKT_FIELD(command_policy),
+      TAKT_FIELD(age),
       TAKT_FIELD(window_misses),
       TAKT_FIELD(window_ticks),
       TAKT_FIELD(integration_errors),
       TAKT_FIELD(refused_commands),
-      TAKT_FIELD(mode),
-      TAKT_FIELD(previous_mode),
-      TAKT_FIELD(cause),
-      TAKT_FIELD(arrival),
-      TAKT_FIELD(freshness),
+      TAKT_FIELD(player),
       TAKT_FIELD(chunk_step),
       TAKT_FIELD(drives_enabled),
-      TAKT_FIELD(policy_session),
-      TAKT_FIELD_OF(Cause, causes_active),
-      TAKT_FIELD(slept_ms),
-      TAKT_FIELD(last_refusal),
-      TAKT_FIELD(torque_output),
       TAKT_FIELD(torque_permitted),
-      TAKT_FIELD(imu_verdict),
-      TAKT_FIELD(fallback),
-      TAKT_FIELD(candidate),
-      TAKT_FIELD(command_policy),
-      TAKT_FIELD(player),
       TAKT_FIELD(reserved),
+      TAKT_FIELD(seats),
+      TAKT_FIELD(candidate),
   };
 }
 
@@ -324,15 +292,12 @@ constexpr bool is_written(const Turns& turns, const TickRecordHeader& header) {
 
 // The tick in which its command was first played.
 constexpr bool is_first_use(const TickRecordHeader& header) {
-  return header.freshness != Freshness::missing && header.age.hold == Duration{};
+  return header.seats[Seat::policy].freshness != Freshness::missing && header.age.hold == Duration{};
 }
 
 static_assert(std::is_standard_layout_v<AgeParts> && sizeof(AgeParts) == 40);
 static_assert(std::is_standard_layout_v<TickRecordHeader> && std::is_trivially_copyable_v<TickRecordHeader>);
-static_assert(std::is_standard_layout_v<FallbackRecord> && sizeof(FallbackRecord) == 40);
-static_assert(std::is_standard_layout_v<CandidateRecord> && sizeof(CandidateRecord) == 80);
-static_assert(sizeof(TickRecordHeader) == 72 + sizeof(BusHealth) * kMaxBuses + sizeof(ImuSample) + 16 + 40 + 24 + 16 +
-                                              16 + 8 + sizeof(FallbackRecord) + sizeof(CandidateRecord) + 8 + 8);
+static_assert(sizeof(SeatRecord) == 40 && sizeof(CandidateRecord) == 40);
 static_assert(std::is_standard_layout_v<JointRecord> && sizeof(JointRecord) == 88);
 
 // Room for the largest record; only used_bytes() of it travel.

@@ -194,11 +194,12 @@ void IncidentWatch::look(const TickRecord& record) {
   for (std::size_t bus = 0; bus < buses; ++bus)
     if (const BusState state = header.buses[bus].state; state != BusState::up)
       note(buses_[bus], header, header.tick, header.now, static_cast<std::uint32_t>(state));
-  if (relies_on_policy(header.previous_mode) && !is_usable(header.freshness))
+  if (relies_on_policy(header.previous_mode) && !is_usable(header.seats[Seat::policy].freshness))
     note(command_, header, header.tick, header.now);
   if (header.player == Player::fallback || (fallback_.tick != 0 && header.previous_mode == Mode::degraded))
     note(fallback_, header, header.tick, header.now);
-  if (header.arrival != Arrival::none && header.arrival != Arrival::accepted) refused_ = header.arrival;
+  if (header.seats[Seat::policy].arrival != Arrival::none && header.seats[Seat::policy].arrival != Arrival::accepted)
+    refused_ = header.seats[Seat::policy].arrival;
   look_at_time(header);
 }
 
@@ -279,7 +280,7 @@ std::string IncidentWatch::words(const TickRecord& record) const {
   const TickRecordHeader& header = record.header;
   const config::Fallback* const fallback = config::fallback_policy_of(robot_);
   const bool may_have_fallen_back = fallback != nullptr && header.previous_mode == Mode::degraded;
-  const std::string newest = header.freshness == Freshness::missing
+  const std::string newest = header.seats[Seat::policy].freshness == Freshness::missing
                                  ? "none is left"
                                  : fmt::format("the newest is {:.0f} ms old", header.age.total().milliseconds());
   switch (header.cause) {

@@ -22,59 +22,17 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr bool is_exclusive(Role role) {
-  switch (role) {
-    case Role::policy:
-    case Role::fallback_policy:
-    case Role::candidate_policy:
-    case Role::monitor:
-      return true;
-    case Role::operator_console:
-    case Role::sensor_reader:
-    case Role::viewer:
-    case Role::input_reader:
-    case Role::fallback_input_reader:
-    case Role::candidate_input_reader:
-      return false;
-  }
-  return true;
+  return is_policy(role) || role == Role::monitor;
 }
 
 // Roles that several hold, each for as long as it likes.
 constexpr bool is_reader(Role role) {
-  switch (role) {
-    case Role::sensor_reader:
-    case Role::viewer:
-    case Role::input_reader:
-    case Role::fallback_input_reader:
-    case Role::candidate_input_reader:
-      return true;
-    case Role::policy:
-    case Role::fallback_policy:
-    case Role::candidate_policy:
-    case Role::monitor:
-    case Role::operator_console:
-      return false;
-  }
-  return false;
+  return role == Role::sensor_reader || role == Role::viewer || is_input_reader(role);
 }
 
 // What the policy's own user may be.
 constexpr bool is_for_policies(Role role) {
-  switch (role) {
-    case Role::policy:
-    case Role::fallback_policy:
-    case Role::candidate_policy:
-    case Role::sensor_reader:
-      return true;
-    case Role::monitor:
-    case Role::operator_console:
-    case Role::viewer:
-    case Role::input_reader:
-    case Role::fallback_input_reader:
-    case Role::candidate_input_reader:
-      return false;
-  }
-  return false;
+  return is_policy(role) || role == Role::sensor_reader;
 }
 
 // One of our user's that hides its namespace, or ends before it is looked at, has a reason to.
@@ -185,22 +143,8 @@ bool RendezvousServer::State::must_speak(const Connection& connection) {
     case Stage::leased:
       break;
   }
-  switch (connection.peer.hello.role) {
-    case Role::operator_console:
-      return true;
-    case Role::policy:
-    case Role::fallback_policy:
-    case Role::candidate_policy:
-      return !connection.has_spoken;
-    case Role::monitor:
-    case Role::sensor_reader:
-    case Role::viewer:
-    case Role::input_reader:
-    case Role::fallback_input_reader:
-    case Role::candidate_input_reader:
-      return false;
-  }
-  return false;
+  const Role role = connection.peer.hello.role;
+  return role == Role::operator_console || (is_policy(role) && !connection.has_spoken);
 }
 
 int RendezvousServer::State::wait_time(std::chrono::milliseconds timeout) const {
@@ -288,22 +232,11 @@ void RendezvousServer::State::hear(Connection& connection) {
   if (size < 0) return;  // nothing after all; a broken connection hangs up at the next poll
   if (size == 0) return drop(connection);
   if (connection.stage == Stage::greeting) return greet(connection, message.hello, size);
-  switch (connection.peer.hello.role) {
-    case Role::operator_console:
-      return answer(connection, message.bytes, size);
-    case Role::policy:
-    case Role::fallback_policy:
-    case Role::candidate_policy:
-      return hear_policy(connection, message.policy_word, size);
-    case Role::monitor:
-      return take_word(connection, message.word, size);
-    case Role::sensor_reader:
-    case Role::viewer:
-    case Role::input_reader:
-    case Role::fallback_input_reader:
-    case Role::candidate_input_reader:
-      return refuse(connection, refusals_.malformed, "this role has nothing to say after its hello");
-  }
+  const Role role = connection.peer.hello.role;
+  if (role == Role::operator_console) return answer(connection, message.bytes, size);
+  if (is_policy(role)) return hear_policy(connection, message.policy_word, size);
+  if (role == Role::monitor) return take_word(connection, message.word, size);
+  refuse(connection, refusals_.malformed, "this role has nothing to say after its hello");
 }
 
 void RendezvousServer::State::greet(Connection& connection, Hello hello, ssize_t size) {

@@ -272,26 +272,28 @@ void clamp_output(TickState& state, const TickConfig& config, TickOutput& output
 namespace {
 
 bool is_of_this_session(const TickState& state) {
-  return state.command.session == state.mode.policy_session;
+  const SeatState& policy = state.seats[Seat::policy];
+  return policy.command.session == policy.session;
 }
 
 // How much of the path in use will be played whatever answers this observation. Of two observations that promise
 // differently a policy may answer one only: it ends before the next is published, or the policy waits for its answer.
 Duration promised(const TickState& state, const Choice& choice, MonoTime now, const TickConfig& config) {
   if (config.join.kind != JoinKind::prefix || choice.player != Player::policy || !is_of_this_session(state)) return {};
-  const Duration delay = state.join.delays.longest(now);
+  const Duration delay = state.seats[Seat::policy].join.delays.longest(now);
   return delay > Duration{} ? std::min(delay, config.join.longest_delay) : config.join.longest_delay;
 }
 
 void commit(const TickState& state, const Choice& choice, MonoTime until, Observation& observation) {
-  observation.command_sequence = is_of_this_session(state) ? state.command.sequence : 0;
-  observation.of_candidate = state.command.of_candidate;
+  const SeatState& policy = state.seats[Seat::policy];
+  observation.command_sequence = is_of_this_session(state) ? policy.command.sequence : 0;
+  observation.of_candidate = policy.command.of_candidate;
   observation.committed_from = choice.player == Player::policy ? choice.step : 0;
   observation.committed_count = 0;
   if (!until.is_set()) return;
-  const CommandHeader& header = state.chunk.header;
+  const CommandHeader& header = policy.chunk.header;
   const std::int64_t period = header.step_period.ns;
-  const std::int64_t end = ((until - state.command.begins()).ns + period - 1) / period;
+  const std::int64_t end = ((until - policy.command.begins()).ns + period - 1) / period;
   observation.committed_count =
       static_cast<std::uint32_t>(std::clamp<std::int64_t>(end, choice.step, header.step_count) - choice.step);
 }
@@ -341,16 +343,10 @@ void publish(TickState& state, const Choice& choice, const TickConfig& config, T
 namespace {
 
 MonoTime valid_until(const TickState& state, Player player, const FreshnessContract& contract) {
-  switch (player) {
-    case Player::none:
-    case Player::candidate:
-      return {};
-    case Player::policy:
-      return valid_until(state.command, state.chunk.header, contract);
-    case Player::fallback:
-      return valid_until(state.fallback.command, state.fallback_chunk.header, contract);
-  }
-  return {};
+  const std::optional<Seat> plays = seat_of(player);
+  if (!plays) return {};
+  const SeatState& seat = state.seats[*plays];
+  return valid_until(seat.command, seat.chunk.header, contract);
 }
 
 // The robot's torque, by an output of its own. It cannot take a joint's alone.
@@ -364,13 +360,16 @@ bool permits_torque(const ModeState& mode, const TickConfig& config) {
 
 void record(TickState& state, const Choice& choice, const TickConfig& config, TickOutput& output) {
   TickRecordHeader& header = output.record.header;
-  if (header.freshness != Freshness::missing) header.age = state.command.age_parts(header.now);
-  header.command_sequence = state.command.sequence;
-  header.command_policy = state.command.policy_hash;
-  header.observation_answered = state.command.observation_id;
+  const SeatState& policy = state.seats[Seat::policy];
+  SeatRecord& told = header.seats[Seat::policy];
+  if (told.freshness != Freshness::missing) header.age = policy.command.age_parts(header.now);
+  told.age = header.age.total();
+  told.command_sequence = policy.command.sequence;
+  told.observation_answered = policy.command.observation_id;
+  told.last_refusal = policy.last_refusal;
+  header.command_policy = policy.command.policy_hash;
   header.window_misses = state.misses.count();
   header.window_ticks = state.misses.seen();
-  header.last_refusal = state.mode.last_refusal;
   header.integration_errors = state.counters.integration_errors;
   header.refused_commands = state.counters.refused_commands;
   header.chunk_step = choice.step;

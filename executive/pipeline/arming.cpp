@@ -139,9 +139,10 @@ std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, 
   BlockerList list(out);
   const std::string_view mode = mode_blocker(header.mode);
   list.add_if(!mode.empty(), mode);
-  list.add_if(!is_usable(header.freshness), command_blocker(header.last_refusal));
-  list.add_if(has_fallback_policy(config) && !is_usable(header.fallback.freshness),
-              fallback_blocker(header.fallback.last_refusal));
+  list.add_if(!is_usable(header.seats[Seat::policy].freshness),
+              command_blocker(header.seats[Seat::policy].last_refusal));
+  list.add_if(has_fallback_policy(config) && !is_usable(header.seats[Seat::fallback].freshness),
+              fallback_blocker(header.seats[Seat::fallback].last_refusal));
   list.add_if((header.causes_active & bit(Cause::bad_commands)) != 0, "commands are being refused");
   list.add_if((header.causes_active & bit(Cause::overrun)) != 0, "the control loop is late too often");
   list.add_if(

@@ -18,7 +18,7 @@ namespace {
 constexpr InterventionMask kMotionLimits = bit(Intervention::velocity_limit) | bit(Intervention::acceleration_limit);
 
 Freshness freshness_beside(const TickState& state, MonoTime now, const TickConfig& config) {
-  return freshness_of(state.candidate.command, state.candidate_chunk.header, now, config.freshness);
+  return freshness_of(state.seats[Seat::candidate], now, config.freshness);
 }
 
 // More than half of what the contract allows.
@@ -36,15 +36,17 @@ void end_probation(TickState& state) {
 // The two change places. What waits for its turn is dropped: it is of who leaves.
 void change_places(TickState& state, std::uint64_t policy_hash, const TickConfig& config) {
   CandidateState& candidate = state.candidate;
-  std::swap(state.mode.policy_session, candidate.session);
-  std::swap(state.counters.last_sequence, candidate.last_sequence);
-  std::swap(state.mode.last_refusal, candidate.last_refusal);
+  SeatState& policy = state.seats[Seat::policy];
+  SeatState& beside = state.seats[Seat::candidate];
+  std::swap(policy.session, beside.session);
+  std::swap(policy.last_sequence, beside.last_sequence);
+  std::swap(policy.last_refusal, beside.last_refusal);
   candidate.in_charge = candidate.in_charge == 0 ? 1 : 0;
   candidate.policy_hash = candidate.in_charge != 0 ? policy_hash : 0;
-  candidate.command = {};
+  beside.command = {};
   candidate.asked_at = {};
   state.waiting.command = {};
-  state.join.delays.forget();
+  policy.join.delays.forget();
   end_probation(state);
   if (candidate.in_charge != 0) candidate.probation_left = config.probation;
 }
@@ -52,23 +54,25 @@ void change_places(TickState& state, std::uint64_t policy_hash, const TickConfig
 // The robot's own policy takes its place back in this very tick, and moves the robot if it has a fresh command; else
 // nothing does.
 void go_back(TickState& state, PolicyChange why, MonoTime now, const TickConfig& config, TickRecordHeader& header) {
-  const CommandInUse own = state.candidate.command;
+  SeatRecord& told = header.seats[Seat::policy];
+  SeatState& policy = state.seats[Seat::policy];
+  const CommandInUse own = state.seats[Seat::candidate].command;
   const bool is_fresh = is_usable(freshness_beside(state, now, config));
   change_places(state, 0, config);
   state.misses.restart();  // they were the candidate's
   forget_misses(state.recovery);
   header.candidate.change = why;
   if (!is_fresh) {  // the candidate's last command leaves with it: nothing moves the robot meanwhile
-    state.command = {};
-    header.freshness = Freshness::missing;
-    note_freshness(state.recovery, header.freshness, now);
+    policy.command = {};
+    told.freshness = Freshness::missing;
+    note_freshness(state.recovery, told.freshness, now);
     return;
   }
-  const bool was_played = is_usable(header.freshness);
-  take_over(state, state.candidate_chunk, own, now, config);
-  if (!was_played) hand_over(state, Player::policy, now, config);
-  header.freshness = freshness_of(state.command, state.chunk.header, now, config.freshness);
-  note_freshness(state.recovery, header.freshness, now);
+  const bool was_played = is_usable(told.freshness);
+  take_over(state, state.seats[Seat::candidate].chunk, own, now, config);
+  if (!was_played) hand_over(state, Seat::policy, now, config);
+  told.freshness = freshness_of(policy, now, config.freshness);
+  note_freshness(state.recovery, told.freshness, now);
 }
 
 void hear_request(TickState& state, const TickInput& input, const TickConfig& config, PolicyChange& change) {
@@ -83,42 +87,19 @@ void hear_request(TickState& state, const TickInput& input, const TickConfig& co
   if (can_change) candidate.asked_at = input.now;
 }
 
-void begin_or_join(TickState& state, const CommandChunk& chunk, const CommandInUse& command, MonoTime now,
-                   const TickConfig& config) {
-  CandidateState& candidate = state.candidate;
-  if (is_usable(freshness_beside(state, now, config)))
-    join_path(state.candidate_join, state.candidate_chunk, candidate.command.begins(), {chunk, command.begins()}, now,
-              config);
-  else
-    begin_path(state.candidate_join, state.candidate_chunk, chunk);
-  candidate.command = command;
-}
-
 Arrival take_candidate_message(TickState& state, const TickInput& input, const TickConfig& config,
                                PolicyChange& change) {
   CandidateState& candidate = state.candidate;
-  const PolicyMessage& message = input.candidate;
-  if (message.session != candidate.session) {
-    candidate.session = message.session;
-    candidate.last_sequence = 0;
-    candidate.last_refusal = Arrival::none;
-    // Who was asked for is gone, and whoever came instead was not asked for.
-    if (candidate.in_charge == 0 && candidate.asked_at.is_set()) {
-      candidate.asked_at = {};
-      change = PolicyChange::expired;
-    }
+  SeatState& beside = state.seats[Seat::candidate];
+  const PolicyMessage& message = input.messages[Seat::candidate];
+  // Who was asked for is gone, and whoever came instead was not asked for.
+  if (message.session != beside.session && candidate.in_charge == 0 && candidate.asked_at.is_set()) {
+    candidate.asked_at = {};
+    change = PolicyChange::expired;
   }
-  Arrival mailbox;
-  if (!is_there(message, mailbox)) return mailbox;
-  const auto of_candidate = static_cast<std::uint8_t>(candidate.in_charge == 0 ? 1 : 0);
-  const ExpectedPolicy expected = expected_beside(state, input, config);
   const ArrivalVerdict verdict =
-      judge_arrival(*message.command, message.bytes, input.now,
-                    {expected, candidate.last_sequence, candidate.command, message.session, of_candidate}, state.memory,
-                    config, message.values);
-  state.counters.integration_errors += verdict.stamps_ran_backwards ? 1U : 0U;
+      hear_policy(state, Seat::candidate, message, expected_beside(state, input, config), input.now, config);
   if (verdict.arrival != Arrival::accepted) return verdict.arrival;
-  candidate.last_sequence = verdict.command.sequence;
   const bool takes_over =
       candidate.asked_at.is_set() && verdict.command.observation_id >= newest_command(state).observation_id;
   if (takes_over) {
@@ -127,7 +108,8 @@ Arrival take_candidate_message(TickState& state, const TickInput& input, const T
     accept(state, *message.command, verdict, input.now, config);
     return verdict.arrival;
   }
-  begin_or_join(state, *message.command, verdict.command, input.now, config);
+  begin_or_join(beside, is_usable(freshness_beside(state, input.now, config)), *message.command, verdict.command,
+                input.now, config);
   return verdict.arrival;
 }
 
@@ -165,9 +147,8 @@ void judge_candidate(TickState& state, const TickInput& input, const TickConfig&
   PolicyChange& change = header.candidate.change;
   hear_request(state, input, config, change);
   const Arrival arrival = take_candidate_message(state, input, config, change);
-  header.candidate.arrival = arrival;
-  Arrival& last_refusal = is_handover(change) ? state.mode.last_refusal : candidate.last_refusal;
-  if (arrival != Arrival::none) last_refusal = is_refusal(arrival) ? arrival : Arrival::none;
+  header.seats[Seat::candidate].arrival = arrival;
+  remember_refusal(state.seats[is_handover(change) ? Seat::policy : Seat::candidate], arrival);
   if (!candidate.asked_at.is_set() || input.now - candidate.asked_at <= config.freshness.stop_after) return;
   candidate.asked_at = {};
   change = PolicyChange::expired;
@@ -176,12 +157,13 @@ void judge_candidate(TickState& state, const TickInput& input, const TickConfig&
 void watch_probation(TickState& state, const TickConfig& config, TickRecordHeader& header) {
   if (!is_on_probation(state) || state.mode.mode != Mode::tracking || is_handover(header.candidate.change)) return;
   const std::uint32_t window = config.freshness.window_ticks;
-  const bool refused = is_refusal(header.arrival) && !is_refused_for_age(header.arrival);
-  state.candidate_misses.push(!is_usable(header.freshness), window);
+  const SeatRecord& policy = header.seats[Seat::policy];
+  const bool refused = is_refusal(policy.arrival) && !is_refused_for_age(policy.arrival);
+  state.candidate_misses.push(!is_usable(policy.freshness), window);
   state.candidate_refusals.push(refused, window);
   if (const PolicyChange why = used_up(state, config); why != PolicyChange::none)
     return go_back(state, why, header.now, config, header);
-  if (!is_usable(header.freshness)) return;
+  if (!is_usable(policy.freshness)) return;
   state.candidate.probation_left = state.candidate.probation_left - config.period;
   if (is_on_probation(state)) return;
   end_probation(state);
@@ -204,11 +186,7 @@ void settle_candidate(TickState& state, const TickConfig& config, TickRecordHead
   record.in_charge = candidate.in_charge;
   record.on_probation = is_on_probation(state) ? 1 : 0;
   record.is_asked = candidate.asked_at.is_set() ? 1 : 0;
-  record.last_refusal = candidate.last_refusal;
-  record.command_sequence = candidate.command.sequence;
-  record.observation_answered = candidate.command.observation_id;
-  record.freshness = freshness_beside(state, header.now, config);
-  if (record.freshness != Freshness::missing) record.age = candidate.command.age(header.now);
+  record_seat(state.seats[Seat::candidate], header.now, config, header.seats[Seat::candidate]);
 }
 
 void compare_candidate(TickState& state, const Choice& choice, std::span<const JointTarget> targets,
@@ -220,14 +198,14 @@ void compare_candidate(TickState& state, const Choice& choice, std::span<const J
     state.candidate_clamped.push(std::ranges::any_of(targets.first(config.joint_count), is_clamped),
                                  config.freshness.window_ticks);
   }
-  if (!is_usable(out.freshness)) {
+  const SeatState& beside = state.seats[Seat::candidate];
+  if (!is_usable(record.header.seats[Seat::candidate].freshness)) {
     for (std::size_t j = 0; j < config.joint_count; ++j)
       state.joints[j].candidate_reference = state.joints[j].reference;
     return;
   }
   std::array<JointTarget, kMaxJoints> asked;  // uninitialised: play fills joint_count entries
-  play(state.candidate_join, {state.candidate_chunk, state.candidate.command.begins()}, record.header.now, config,
-       asked);
+  play(beside.join, {beside.chunk, beside.command.begins()}, record.header.now, config, asked);
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     JointState& joint = state.joints[j];
     if (asked[j].out_of_range) out.beyond_range |= bit_of_joint(j);

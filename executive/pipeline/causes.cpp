@@ -87,7 +87,7 @@ CauseMask of_drives(const TickState& state, const TickRecord& record, const Tick
   const DriveSummary sum = summarise(state, record, config);
   const bool arming = state.mode.mode == Mode::arming;
   // Tracking begins with a usable command only; until then arming waits, within enable_timeout.
-  const bool ready = sum.all_enabled && is_usable(record.header.freshness);
+  const bool ready = sum.all_enabled && is_usable(record.header.seats[Seat::policy].freshness);
   return when(sum.any_lost, Cause::feedback_lost) | when(sum.any_implausible, Cause::feedback_implausible) |
          when(sum.any_fault, Cause::drive_fault) |
          when(sum.any_disabled && (state.mode.drives_enabled != 0 || is_latched(state.mode.mode)),

@@ -93,18 +93,10 @@ Choice play_or_brake(const TickState& state, const TickRecord& record, const Tic
   Choice choice = brake(config);
   const MonoTime now = record.header.now;
   choice.player = record.header.player;
-  switch (choice.player) {
-    case Player::none:
-    case Player::candidate:
-      return choice;
-    case Player::policy:
-      choice.step = play(state.join, {state.chunk, state.command.begins()}, now, config, targets);
-      break;
-    case Player::fallback:
-      choice.step =
-          play(state.fallback_join, {state.fallback_chunk, state.fallback.command.begins()}, now, config, targets);
-      break;
-  }
+  const std::optional<Seat> plays = seat_of(choice.player);
+  if (!plays) return choice;
+  const SeatState& seat = state.seats[*plays];
+  choice.step = play(seat.join, {seat.chunk, seat.command.begins()}, now, config, targets);
   choice.reference = Reference::follow_target;
   return choice;
 }

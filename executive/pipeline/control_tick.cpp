@@ -55,16 +55,14 @@ TickInput input_of(const TickRecord& record, const CommandChunk* command, std::s
   input.recorded_through = header.recorded_through;
   input.torque_output = header.torque_output;
   input.imu = header.imu;
-  input.policy.mailbox = header.mailbox;
-  input.policy.session = header.policy_session;
-  input.fallback.mailbox = header.fallback.mailbox;
-  input.fallback.session = header.fallback.session;
-  input.candidate.mailbox = header.candidate.mailbox;
-  input.candidate.session = header.candidate.session;
+  for (const Seat seat : kSeats) {
+    input.messages[seat].mailbox = header.seats[seat].mailbox;
+    input.messages[seat].session = header.seats[seat].session;
+  }
   input.candidate_policy = header.candidate.policy_hash;
   input.asked_policy = header.candidate.asked_policy;
-  input.policy.command = command;
-  input.policy.bytes = command == nullptr ? 0 : command_bytes;
+  input.messages[Seat::policy].command = command;
+  input.messages[Seat::policy].bytes = command == nullptr ? 0 : command_bytes;
   std::copy_n(header.buses, kMaxBuses, input.buses);
   for (std::size_t j = 0; j < header.joint_count && j < kMaxJoints; ++j) input.joints[j] = record.joints[j].feedback;
   return input;

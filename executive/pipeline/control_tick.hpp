@@ -50,11 +50,9 @@ struct TickInput {
   std::uint64_t asked_policy = 0;      // of a swap: hash of the policy that is to play
   std::uint64_t recorded_through = 0;  // newest tick the recorder has on its medium; 0: nothing records
   TorqueOutputState torque_output = TorqueOutputState::none;  // what became of the previous tick's torque_permitted
-  PolicyMessage policy;
-  PolicyMessage fallback;  // of the fallback policy; empty where the robot has none
-  // Of the policy beside the one in charge (candidate.hpp): which mailbox is whose changes with in_charge of the tick
-  // before.
-  PolicyMessage candidate;
+  // Which of the policy's and the candidate's mailboxes is whose changes with in_charge of the tick before
+  // (candidate.hpp). Empty where the robot has no fallback policy.
+  PerSeat<PolicyMessage> messages;
   std::uint64_t candidate_policy = 0;  // hash of the candidate's mailbox, whoever is in charge; 0: none yet
   ImuSample imu;  // newest that was read, not judged yet; sequence 0: none yet, or the robot has none
   BusHealth buses[kMaxBuses];

@@ -2,13 +2,15 @@
 // save and load of TickState's used part.
 //
 // A keyframe is a KeyframeHeader, the fixed pieces, as much of memory and windows as the configuration uses, the link
-// watch and joint_count ReplyWatches, joint_count JointStates and JointWatches, the join, what waits, and the used
-// bytes of the chunks in use, waiting, the fallback's and the candidate's (none while there is no such command). The
-// checksum covers everything after the header. Little-endian, this ABI only: the magic and the layout refuse another.
+// watch and joint_count ReplyWatches, joint_count JointStates and JointWatches, what waits, of each seat its state,
+// its join and the used bytes of its chunk, and those of the chunk that waits (none while there is no such command).
+// The checksum covers everything after the header. Little-endian, this ABI only: the magic and the layout refuse
+// another.
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 #include <string>
 
 #include "executive/contract/layout.hpp"
@@ -25,10 +27,8 @@ struct KeyframeHeader {
   std::uint32_t joint_count = 0;
   std::uint32_t window_ticks = 0;
   std::uint32_t remembered = 0;
-  std::uint32_t in_use_bytes = 0;     // of the chunk in use
-  std::uint32_t waiting_bytes = 0;    // of the one that waits
-  std::uint32_t fallback_bytes = 0;   // of the fallback's
-  std::uint32_t candidate_bytes = 0;  // of the candidate's
+  PerSeat<std::uint32_t> chunk_bytes{};  // of the chunks in use
+  std::uint32_t waiting_bytes = 0;       // of the one that waits
 };
 static_assert(sizeof(KeyframeHeader) == 56);
 
@@ -36,7 +36,6 @@ constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickSta
                                                     {offsetof(TickState, mode), sizeof(ModeState)},
                                                     {offsetof(TickState, counters), sizeof(Counters)},
                                                     {offsetof(TickState, recovery), sizeof(Recovery)},
-                                                    {offsetof(TickState, command), sizeof(CommandInUse)},
                                                     {offsetof(TickState, memory), sizeof(ObservationMemory)},
                                                     {offsetof(TickState, misses), sizeof(TickWindow)},
                                                     {offsetof(TickState, clamped), sizeof(TickWindow)},
@@ -46,21 +45,26 @@ constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickSta
                                                     {offsetof(TickState, imu), sizeof(ImuWatch)},
                                                     {offsetof(TickState, joints), sizeof(JointState)},
                                                     {offsetof(TickState, feedback), sizeof(JointWatch)},
-                                                    {offsetof(TickState, join), sizeof(JoinState)},
                                                     {offsetof(TickState, waiting), sizeof(WaitingCommand)},
                                                     {offsetof(TickState, fallback), sizeof(FallbackState)},
                                                     {offsetof(TickState, candidate), sizeof(CandidateState)},
-                                                    {offsetof(TickState, chunk), sizeof(CommandChunk)}});
+                                                    {offsetof(TickState, seats), sizeof(SeatState)},
+                                                    {offsetof(SeatState, join), sizeof(JoinState)},
+                                                    {offsetof(SeatState, chunk), sizeof(CommandChunk)},
+                                                    {kSeatCount, sizeof(CommandInUse)}});
 
 // Of the links: everything but the joints, which are as many as the robot has.
 constexpr std::size_t kLinkBytes = offsetof(LinkWatch, joints);
+// Of a seat: everything but its chunk.
+constexpr std::size_t kSeatBytes = offsetof(SeatState, chunk);
 
 // All but the chunks.
 std::size_t fixed_bytes(const StateShape& shape) {
-  return sizeof(KeyframeHeader) + sizeof(ModeState) + sizeof(Counters) + sizeof(Recovery) + sizeof(CommandInUse) +
+  return sizeof(KeyframeHeader) + sizeof(ModeState) + sizeof(Counters) + sizeof(Recovery) +
          ObservationMemory::saved_bytes(shape.remembered) + 8 * TickWindow::saved_bytes(shape.window_ticks) +
-         3 * sizeof(JoinState) + sizeof(WaitingCommand) + sizeof(FallbackState) + sizeof(CandidateState) + kLinkBytes +
-         sizeof(ImuWatch) + shape.joint_count * (sizeof(ReplyWatch) + sizeof(JointState) + sizeof(JointWatch));
+         sizeof(WaitingCommand) + sizeof(FallbackState) + sizeof(CandidateState) + kSeatCount * kSeatBytes +
+         kLinkBytes + sizeof(ImuWatch) +
+         shape.joint_count * (sizeof(ReplyWatch) + sizeof(JointState) + sizeof(JointWatch));
 }
 
 StateShape shape_of(const KeyframeHeader& header) {
@@ -68,12 +72,16 @@ StateShape shape_of(const KeyframeHeader& header) {
 }
 
 struct ChunkBytes {
-  std::size_t in_use, waiting, fallback, candidate;
-  [[nodiscard]] std::size_t all() const { return in_use + waiting + fallback + candidate; }
+  PerSeat<std::size_t> in_use;
+  std::size_t waiting;
+  [[nodiscard]] std::size_t all() const { return std::accumulate(in_use.values, in_use.values + kSeatCount, waiting); }
+  [[nodiscard]] std::size_t largest() const { return std::max(std::ranges::max(in_use.values), waiting); }
 };
 
 ChunkBytes chunks_of(const KeyframeHeader& header) {
-  return {header.in_use_bytes, header.waiting_bytes, header.fallback_bytes, header.candidate_bytes};
+  ChunkBytes chunks{{}, header.waiting_bytes};
+  for (const Seat seat : kSeats) chunks.in_use[seat] = header.chunk_bytes[seat];
+  return chunks;
 }
 
 std::size_t bytes_of(const CommandInUse& command, const CommandChunk& chunk) {
@@ -81,9 +89,9 @@ std::size_t bytes_of(const CommandInUse& command, const CommandChunk& chunk) {
 }
 
 ChunkBytes chunk_bytes(const TickState& state) {
-  return {bytes_of(state.command, state.chunk), bytes_of(state.waiting.command, state.waiting_chunk),
-          bytes_of(state.fallback.command, state.fallback_chunk),
-          bytes_of(state.candidate.command, state.candidate_chunk)};
+  ChunkBytes chunks{{}, bytes_of(state.waiting.command, state.waiting_chunk)};
+  for (const Seat seat : kSeats) chunks.in_use[seat] = bytes_of(state.seats[seat].command, state.seats[seat].chunk);
+  return chunks;
 }
 
 // Word-wise multiply and rotate: catches damage, not malice; cheap enough for the control thread.
@@ -106,7 +114,6 @@ void walk(State& state, const StateShape& shape, const ChunkBytes& chunks, Piece
   piece(&state.mode, sizeof(state.mode));
   piece(&state.counters, sizeof(state.counters));
   piece(&state.recovery, sizeof(state.recovery));
-  piece(&state.command, sizeof(state.command));
   piece(&state.memory, ObservationMemory::saved_bytes(shape.remembered));
   piece(&state.misses, TickWindow::saved_bytes(shape.window_ticks));
   piece(&state.refusals, TickWindow::saved_bytes(shape.window_ticks));
@@ -118,19 +125,17 @@ void walk(State& state, const StateShape& shape, const ChunkBytes& chunks, Piece
   piece(&state.imu, sizeof(state.imu));
   piece(&state.joints[0], shape.joint_count * sizeof(JointState));
   piece(&state.feedback[0], shape.joint_count * sizeof(JointWatch));
-  piece(&state.join, sizeof(state.join));
   piece(&state.waiting, sizeof(state.waiting));
   piece(&state.fallback, sizeof(state.fallback));
-  piece(&state.fallback_join, sizeof(state.fallback_join));
   piece(&state.candidate, sizeof(state.candidate));
   piece(&state.candidate_misses, TickWindow::saved_bytes(shape.window_ticks));
   piece(&state.candidate_refusals, TickWindow::saved_bytes(shape.window_ticks));
   piece(&state.candidate_clamped, TickWindow::saved_bytes(shape.window_ticks));
-  piece(&state.candidate_join, sizeof(state.candidate_join));
-  piece(&state.chunk, chunks.in_use);
+  for (const Seat seat : kSeats) {
+    piece(&state.seats[seat], kSeatBytes);
+    piece(&state.seats[seat].chunk, chunks.in_use[seat]);
+  }
   piece(&state.waiting_chunk, chunks.waiting);
-  piece(&state.fallback_chunk, chunks.fallback);
-  piece(&state.candidate_chunk, chunks.candidate);
 }
 
 std::string refuse(const char* what) {
@@ -144,8 +149,7 @@ const char* damage_in(const KeyframeHeader& header, const TickConfig& config, st
   if (header.window_ticks != config.freshness.window_ticks) return "freshness window differs from the configuration's";
   if (header.remembered != remembered_observations(config)) return "max_age differs from the configuration's";
   const ChunkBytes chunks = chunks_of(header);
-  if (std::max({chunks.in_use, chunks.waiting, chunks.fallback, chunks.candidate}) > sizeof(CommandChunk) ||
-      header.bytes != fixed_bytes(shape_of(header)) + chunks.all())
+  if (chunks.largest() > sizeof(CommandChunk) || header.bytes != fixed_bytes(shape_of(header)) + chunks.all())
     return "sizes do not add up";
   if (bytes.size() < header.bytes) return "cut short";
   if (checksum(bytes.subspan(sizeof(header), header.bytes - sizeof(header))) != header.checksum)
@@ -162,14 +166,13 @@ bool is_consistent(const CommandInUse& command, const CommandChunk& chunk, std::
 }
 
 bool is_consistent(const TickState& state, const TickConfig& config, const ChunkBytes& chunks) {
-  const bool chunk_fits = is_consistent(state.command, state.chunk, chunks.in_use, config) &&
-                          is_consistent(state.waiting.command, state.waiting_chunk, chunks.waiting, config) &&
-                          is_consistent(state.fallback.command, state.fallback_chunk, chunks.fallback, config) &&
-                          is_consistent(state.candidate.command, state.candidate_chunk, chunks.candidate, config);
-  const bool delays_fit = state.join.delays.is_consistent() && state.fallback_join.delays.is_consistent() &&
-                          state.candidate_join.delays.is_consistent();
+  const bool waiting_fits = is_consistent(state.waiting.command, state.waiting_chunk, chunks.waiting, config);
+  const bool seats_fit = std::ranges::all_of(kSeats, [&](Seat seat) {
+    const SeatState& one = state.seats[seat];
+    return is_consistent(one.command, one.chunk, chunks.in_use[seat], config) && one.join.delays.is_consistent();
+  });
   const JointMask given_up = state.mode.deenergised | state.mode.damped | state.mode.held | state.mode.holding;
-  return chunk_fits && delays_fit && static_cast<std::size_t>(state.mode.mode) < kModeCount &&
+  return waiting_fits && seats_fit && static_cast<std::size_t>(state.mode.mode) < kModeCount &&
          static_cast<std::size_t>(state.mode.stop_cause) < kCauseCount &&
          static_cast<std::size_t>(state.mode.player) < kMoverCount &&
          static_cast<std::size_t>(state.mode.last_player) < kMoverCount &&
@@ -201,10 +204,8 @@ std::size_t save(const TickState& state, std::span<std::byte> out) noexcept {
   header.joint_count = state.shape.joint_count;
   header.window_ticks = state.shape.window_ticks;
   header.remembered = state.shape.remembered;
-  header.in_use_bytes = static_cast<std::uint32_t>(chunks.in_use);
+  for (const Seat seat : kSeats) header.chunk_bytes[seat] = static_cast<std::uint32_t>(chunks.in_use[seat]);
   header.waiting_bytes = static_cast<std::uint32_t>(chunks.waiting);
-  header.fallback_bytes = static_cast<std::uint32_t>(chunks.fallback);
-  header.candidate_bytes = static_cast<std::uint32_t>(chunks.candidate);
   header.checksum = checksum(out.subspan(sizeof(header), total - sizeof(header)));
   std::memcpy(out.data(), &header, sizeof(header));
   return total;

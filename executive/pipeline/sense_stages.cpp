@@ -30,8 +30,8 @@ bool stops_by_policy(const TickState& state, const TickRecordHeader& header, con
 }
 
 Player player_of(const TickState& state, const TickRecordHeader& header, const TickConfig& config) {
-  const Player policy = is_usable(header.freshness) ? Player::policy : Player::none;
-  const bool is_backed = has_fallback_policy(config) && is_usable(header.fallback.freshness);
+  const Player policy = is_usable(header.seats[Seat::policy].freshness) ? Player::policy : Player::none;
+  const bool is_backed = has_fallback_policy(config) && is_usable(header.seats[Seat::fallback].freshness);
   switch (header.mode) {
     case Mode::standby:
     case Mode::arming:
@@ -64,7 +64,8 @@ void choose_player(TickState& state, TickRecordHeader& header, const TickConfig&
     forget_rest(mode);
   }
   if (player != Player::none) {
-    if (mode.last_player != Player::none && mode.last_player != player) hand_over(state, player, header.now, config);
+    if (mode.last_player != Player::none && mode.last_player != player)
+      hand_over(state, *seat_of(player), header.now, config);
     mode.last_player = player;
   }
   header.player = mode.player = player;
@@ -74,7 +75,7 @@ void note_arrival(TickState& state, Arrival arrival, const FreshnessContract& co
   const bool refused = is_refusal(arrival);
   state.refusals.push(refused && !is_refused_for_age(arrival), contract.window_ticks);
   state.counters.refused_commands += refused ? 1U : 0U;
-  if (arrival != Arrival::none) state.mode.last_refusal = refused ? arrival : Arrival::none;
+  remember_refusal(state.seats[Seat::policy], arrival);
 }
 
 // Who is asked whether it rests: the joints that are heard and have power. The last velocity of the others may be all
@@ -137,10 +138,15 @@ void count_periods(TickState& state, const TickInput& input, const TickConfig& c
   state.late.push(input.lateness >= config.period, window);
 }
 
+void forget_commands(TickState& state) {
+  for (SeatState& seat : state.seats.values) seat.command = {};
+  state.waiting.command = {};
+}
+
 // The clock stood still while the computer slept: nothing from before has a known age any more.
 void forget_what_was_before_sleep(TickState& state, MonoTime now, const TickConfig& config) {
   state.mode.awake_since = now;
-  state.command = state.waiting.command = state.fallback.command = state.candidate.command = {};
+  forget_commands(state);
   state.memory.forget();
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     state.joints[j].observer = {};
@@ -260,15 +266,12 @@ void observe(TickState& state, const TickInput& input, const TickConfig& config,
   header.torque_output = input.torque_output;
   header.imu = input.imu;
   header.imu_verdict = take_imu(state.imu, input.imu, input.now, config);
-  header.mailbox = input.policy.mailbox;
-  header.policy_session = input.policy.session;
-  header.command_sequence_seen = sequence_seen(input.policy);
-  header.fallback.mailbox = input.fallback.mailbox;
-  header.fallback.session = input.fallback.session;
-  header.fallback.command_sequence_seen = sequence_seen(input.fallback);
-  header.candidate.mailbox = input.candidate.mailbox;
-  header.candidate.session = input.candidate.session;
-  header.candidate.command_sequence_seen = sequence_seen(input.candidate);
+  for (const Seat seat : kSeats) {
+    const PolicyMessage& message = input.messages[seat];
+    header.seats[seat].mailbox = message.mailbox;
+    header.seats[seat].session = message.session;
+    header.seats[seat].command_sequence_seen = sequence_seen(message);
+  }
   header.candidate.policy_hash = input.candidate_policy;
   header.candidate.asked_policy = input.asked_policy;
   header.bus_count = static_cast<std::uint8_t>(config.bus_count);
@@ -321,15 +324,16 @@ void estimate(TickState& state, const TickConfig& config, TickRecord& record) {
 void judge(TickState& state, const TickInput& input, const TickConfig& config, TickRecord& record) {
   const FreshnessContract& contract = config.freshness;
   TickRecordHeader& header = record.header;
-  header.arrival = take_message(state, input.policy, input.now, config);
-  note_arrival(state, header.arrival, contract);
+  SeatRecord& policy = header.seats[Seat::policy];
+  policy.arrival = take_message(state, input.messages[Seat::policy], input.now, config);
+  note_arrival(state, policy.arrival, contract);
   judge_candidate(state, input, config, header);
   relieve(state, input.now, config);
-  header.freshness = freshness_of(state.command, state.chunk.header, input.now, contract);
-  note_freshness(state.recovery, header.freshness, input.now);
-  if (has_fallback_policy(config)) judge_fallback(state, input, config, header.fallback);
+  policy.freshness = freshness_of(state.seats[Seat::policy], input.now, contract);
+  note_freshness(state.recovery, policy.freshness, input.now);
+  if (has_fallback_policy(config)) judge_fallback(state, input, config, header.seats[Seat::fallback]);
   if (state.mode.mode == Mode::tracking || state.mode.mode == Mode::degraded) {
-    const bool missed = !is_usable(header.freshness);
+    const bool missed = !is_usable(policy.freshness);
     state.misses.push(missed, contract.window_ticks);
     note_miss(state.recovery, missed, contract);
   }
@@ -347,7 +351,7 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
   const bool stops_arming = header.previous_mode == Mode::arming && header.mode == Mode::damped_stop;
   if (transition.cause != Cause::none) {
     enter(state, transition.to, input.now, contract);
-    if (transition.to == Mode::standby) header.freshness = header.fallback.freshness = Freshness::missing;
+    if (transition.to == Mode::standby) policy.freshness = header.seats[Seat::fallback].freshness = Freshness::missing;
     excuse_out_of_turn(state.links, header, config);
   }
   follow_stop(state, header, config);
@@ -385,7 +389,7 @@ void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& c
       state.mode.stop_pressed_at = {};
       state.mode.last_player = Player::none;
       begin_epoch(state);
-      state.command = state.fallback.command = state.candidate.command = {};
+      forget_commands(state);
       return;
     case Mode::arming:
       begin_epoch(state);

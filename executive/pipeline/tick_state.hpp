@@ -65,17 +65,15 @@ struct ModeState {
   MonoTime stopped_since;   // the damped stop goes on in the manner of stop_cause since then
   MonoTime ticked_at;       // the tick before; unset: there was none
   Mode mode = Mode::standby;
-  std::uint8_t resting = 0;         // latched modes: 1 once at rest; from then on what may hold its position does
-  std::uint8_t drives_enabled = 0;  // 1 once every drive reported enabled in this arming
-  std::uint8_t policy_session = 0;
-  Arrival last_refusal = Arrival::none;  // of the newest message
-  Player player = Player::none;          // in the newest tick
-  Player last_player = Player::none;     // the newest one since arming, whoever plays now
-  Cause stop_cause = Cause::none;        // in a damped stop: by whose manner
+  std::uint8_t resting = 0;           // latched modes: 1 once at rest; from then on what may hold its position does
+  std::uint8_t drives_enabled = 0;    // 1 once every drive reported enabled in this arming
+  Player player = Player::none;       // in the newest tick
+  Player last_player = Player::none;  // the newest one since arming, whoever plays now
+  Cause stop_cause = Cause::none;     // in a damped stop: by whose manner
+  std::uint8_t reserved[2] = {};
 };
 
 struct Counters {
-  std::uint64_t last_sequence = 0;             // of the last accepted command of this policy session
   std::uint64_t next_observation_ordinal = 0;  // tick / observation_every_ticks at which the next one is due
   std::uint32_t integration_errors = 0;
   std::uint32_t refused_commands = 0;
@@ -87,28 +85,30 @@ struct WaitingCommand {
   MonoTime due;          // when it takes over
 };
 
-// The policy that takes over while degraded (FallbackKind::policy). Its messages are judged in every tick.
-struct FallbackState {
+// The policy of one seat. Its messages are judged in every tick.
+struct SeatState {
   CommandInUse command;
   std::uint64_t last_sequence = 0;  // of the last accepted command of its session
-  MonoTime last_usable_at;
-  MonoTime plays_since;  // unset: it does not
   std::uint8_t session = 0;
   Arrival last_refusal = Arrival::none;  // of the newest message
   std::uint8_t reserved[6] = {};
+  JoinState join;
+  CommandChunk chunk;  // the path in use; only its used part is ever written or read
 };
 
-// The policy beside the one in charge (candidate.hpp).
+// What the fallback's seat has alone (FallbackKind::policy).
+struct FallbackState {
+  MonoTime last_usable_at;
+  MonoTime plays_since;  // unset: it does not
+};
+
+// What the candidate's seat has alone (candidate.hpp).
 struct CandidateState {
-  CommandInUse command;
-  std::uint64_t last_sequence = 0;  // of the last accepted command of its session
-  std::uint64_t policy_hash = 0;    // while the candidate is in charge: whose commands are taken from its mailbox
-  MonoTime asked_at;                // a change was asked for; unset: none is
-  Duration probation_left;          // of tracking; 0: not on probation
-  std::uint8_t session = 0;
-  Arrival last_refusal = Arrival::none;  // of the newest message
-  std::uint8_t in_charge = 0;            // 1: the candidate's mailbox is the policy's, and the other way round
-  std::uint8_t reserved[5] = {};
+  std::uint64_t policy_hash = 0;  // while the candidate is in charge: whose commands are taken from its mailbox
+  MonoTime asked_at;              // a change was asked for; unset: none is
+  Duration probation_left;        // of tracking; 0: not on probation
+  std::uint8_t in_charge = 0;     // 1: the candidate's mailbox is the policy's, and the other way round
+  std::uint8_t reserved[7] = {};
 };
 
 // What keyframes need to know about the configuration the state was made for.
@@ -126,7 +126,6 @@ struct TickState {
   ModeState mode;
   Counters counters;
   Recovery recovery;
-  CommandInUse command;
   ObservationMemory memory;
   TickWindow misses;
   TickWindow refusals;          // messages refused for what they say
@@ -137,19 +136,14 @@ struct TickState {
   ImuWatch imu;
   JointState joints[kMaxJoints];
   JointWatch feedback[kMaxJoints];
-  JoinState join;
-  WaitingCommand waiting;
+  WaitingCommand waiting;  // of the policy
   FallbackState fallback;
-  JoinState fallback_join;
   CandidateState candidate;
   TickWindow candidate_misses;    // on probation, as are the next two
   TickWindow candidate_refusals;  // messages refused for what they say
   TickWindow candidate_clamped;   // ticks that played a target out of its joint's range
-  JoinState candidate_join;
-  CommandChunk chunk;            // the path in use; only its used part is ever written or read
-  CommandChunk waiting_chunk;    // likewise
-  CommandChunk fallback_chunk;   // likewise
-  CommandChunk candidate_chunk;  // likewise
+  PerSeat<SeatState> seats;
+  CommandChunk waiting_chunk;  // as SeatState::chunk
 };
 
 static_assert(std::is_trivially_copyable_v<TickState>);
@@ -157,9 +151,10 @@ static_assert(std::is_trivially_copyable_v<TickState>);
 static_assert(sizeof(JointState) == sizeof(ObserverState) + 3 * sizeof(ReferenceState) + 56 &&
               sizeof(ObserverState) == 16);
 static_assert(sizeof(RestWatch) == 16 + 4 * kMaxJoints && sizeof(ModeState) == 96 + 2 * sizeof(RestWatch) &&
-              sizeof(Counters) == 24 && sizeof(Recovery) == 40);
-static_assert(sizeof(CommandInUse) == 72 && sizeof(WaitingCommand) == 80 && sizeof(FallbackState) == 104 &&
-              sizeof(CandidateState) == 112);
+              sizeof(Counters) == 16 && sizeof(Recovery) == 40);
+static_assert(sizeof(CommandInUse) == 72 && sizeof(WaitingCommand) == 80 &&
+              sizeof(SeatState) == 88 + sizeof(JoinState) + sizeof(CommandChunk) && sizeof(FallbackState) == 16 &&
+              sizeof(CandidateState) == 32);
 static_assert(sizeof(JoinState) == 8 + 12 * kMaxJoints + 168);
 // What a cache has to hold: four chunks are nine tenths of it.
 static_assert(sizeof(TickState) <= 500'000);

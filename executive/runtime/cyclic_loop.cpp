@@ -42,9 +42,7 @@ CyclicLoop::CyclicLoop(const LoopParts& parts, const LoopTiming& timing)
       wakeup_(parts.clock, timing.wake, timing.spin),
       suspend_(parts.clock.read_boot_time()),
       state_(pipeline::make_tick_state(parts.config)),
-      command_(std::make_unique<CommandChunk>()),
-      fallback_command_(std::make_unique<CommandChunk>()),
-      candidate_command_(std::make_unique<CommandChunk>()),
+      commands_(std::make_unique<PerSeat<CommandChunk>>()),
       keyframe_(ipc::kMaxKeyframeBytes - sizeof(TickTag)) {}
 
 void CyclicLoop::run(const EvidenceSource& evidence, std::uint64_t ticks) noexcept {
@@ -99,7 +97,7 @@ std::size_t CyclicLoop::tick(MonoTime woken, Duration lateness) noexcept {
     parts_.published.observation(output_.observation);
     trace::observation_published(output_.observation);
   }
-  if (input_.policy.command != nullptr) trace::command_consumed(output_.record.header);
+  if (input_.messages[Seat::policy].command != nullptr) trace::command_consumed(output_.record.header);
   record();
   publish_status();
   trace::tick_end(output_.record.header);
@@ -108,15 +106,15 @@ std::size_t CyclicLoop::tick(MonoTime woken, Duration lateness) noexcept {
 
 void CyclicLoop::read_commands() noexcept {
   const bool candidate_in_charge = output_.record.header.candidate.in_charge != 0;
+  PerSeat<pipeline::PolicyMessage>& messages = input_.messages;
   if (std::exchange(candidate_in_charge_, candidate_in_charge) != candidate_in_charge)
-    std::swap(input_.policy.session, input_.candidate.session);
-  CommandMailbox* in_charge = parts_.mailboxes.current();
-  CommandMailbox* beside = parts_.candidate_mailboxes.current();
-  if (beside != nullptr) input_.candidate_policy = beside->policy_hash;
-  if (candidate_in_charge) std::swap(in_charge, beside);
-  input_.policy = read_command(in_charge, input_.policy.session, *command_);
-  input_.candidate = read_command(beside, input_.candidate.session, *candidate_command_);
-  input_.fallback = read_command(parts_.fallback_mailboxes.current(), input_.fallback.session, *fallback_command_);
+    std::swap(messages[Seat::policy].session, messages[Seat::candidate].session);
+  PerSeat<CommandMailbox*> mailboxes{};
+  for (const Seat seat : kSeats) mailboxes[seat] = parts_.mailboxes[seat].current();
+  if (mailboxes[Seat::candidate] != nullptr) input_.candidate_policy = mailboxes[Seat::candidate]->policy_hash;
+  if (candidate_in_charge) std::swap(mailboxes[Seat::policy], mailboxes[Seat::candidate]);
+  for (const Seat seat : kSeats)
+    messages[seat] = read_command(mailboxes[seat], messages[seat].session, (*commands_)[seat]);
 }
 
 pipeline::PolicyMessage CyclicLoop::read_command(CommandMailbox* mailbox, std::uint8_t session_before,
@@ -138,23 +136,21 @@ void CyclicLoop::read_imu() noexcept {
 void CyclicLoop::record() noexcept {
   parts_.published.tick(output_.record);
   refused_bytes_.next_tick();
-  const TickRecordHeader& header = output_.record.header;
-  record_command(Player::policy, input_.policy.command, input_.policy.bytes, header.arrival);
-  record_command(Player::fallback, input_.fallback.command, input_.fallback.bytes, header.fallback.arrival);
-  record_command(Player::candidate, input_.candidate.command, input_.candidate.bytes, header.candidate.arrival);
+  for (const Seat seat : kSeats) record_command(seat);
   if (input_.tick % timing_.keyframe_every_ticks == 0) {
     const std::size_t size = pipeline::save(*state_, keyframe_);
     parts_.published.keyframe(input_.tick, std::span(keyframe_).first(size));
   }
 }
 
-void CyclicLoop::record_command(Player sender, const CommandChunk* command, std::size_t bytes,
-                                Arrival verdict) noexcept {
+void CyclicLoop::record_command(Seat seat) noexcept {
+  const CommandChunk* const command = input_.messages[seat].command;
+  const std::size_t bytes = input_.messages[seat].bytes;
   if (command == nullptr) return;
   const bool was_read = bytes <= parts_.config.largest_command;
   const auto message = std::as_bytes(std::span(command, 1)).first(was_read ? bytes : sizeof(CommandHeader));
-  CommandTag tag{input_.tick, static_cast<std::uint32_t>(bytes), 0, sender};
-  const bool is_refused = verdict != Arrival::accepted;
+  CommandTag tag{input_.tick, static_cast<std::uint32_t>(bytes), 0, player_of(seat)};
+  const bool is_refused = output_.record.header.seats[seat].arrival != Arrival::accepted;
   if (bytes <= sizeof(CommandHeader) || (was_read && (!is_refused || refused_bytes_.take(bytes))))
     return parts_.published.command(tag, message);
   if (was_read) tag.crc = ipc::crc32c(message);
@@ -164,7 +160,7 @@ void CyclicLoop::record_command(Player sender, const CommandChunk* command, std:
 void CyclicLoop::publish_status() noexcept {
   status_.tick = output_.record.header;
   status_.ticks = input_.tick;
-  ++status_.arrivals[static_cast<std::size_t>(output_.record.header.arrival)];
+  ++status_.arrivals[static_cast<std::size_t>(output_.record.header.seats[Seat::policy].arrival)];
   parts_.board.publish(status_);
 }
 

@@ -52,9 +52,7 @@ struct LoopParts {
   const pipeline::TickConfig& config;
   Clock& clock;
   DriveEdge& edge;
-  MailboxHandover& mailboxes;
-  MailboxHandover& fallback_mailboxes;
-  MailboxHandover& candidate_mailboxes;
+  PerSeat<MailboxHandover>& mailboxes;
   OperatorInbox& requests;
   const RecordedThrough& recorded;
   PublishedSegments& published;
@@ -77,7 +75,7 @@ class CyclicLoop {
                                        CommandChunk& copy) noexcept;
   void read_imu() noexcept;
   void record() noexcept;
-  void record_command(Player sender, const CommandChunk* command, std::size_t bytes, Arrival verdict) noexcept;
+  void record_command(Seat seat) noexcept;
   void publish_status() noexcept;
   void say_farewell(Pace& pace) noexcept;
 
@@ -90,7 +88,7 @@ class CyclicLoop {
   pipeline::TickInput input_;
   pipeline::TickOutput output_;
   bool candidate_in_charge_ = false;  // whose mailbox is whose, as the tick before left it
-  std::unique_ptr<CommandChunk> command_, fallback_command_, candidate_command_;
+  std::unique_ptr<PerSeat<CommandChunk>> commands_;
   RefusedBytes refused_bytes_;
   std::vector<std::byte> keyframe_;
   StatusSnapshot status_;

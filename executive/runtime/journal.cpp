@@ -71,8 +71,8 @@ void Journal::summarise(MonoTime now, const StatusSnapshot& status) {
 }
 
 std::string status_line(const StatusSnapshot& status) {
-  return fmt::format("{}, command {}, skipped periods {}", name(status.tick.mode), name(status.tick.freshness),
-                     status.tick.skipped_periods);
+  return fmt::format("{}, command {}, skipped periods {}", name(status.tick.mode),
+                     name(status.tick.seats[Seat::policy].freshness), status.tick.skipped_periods);
 }
 
 }  // namespace takt::runtime

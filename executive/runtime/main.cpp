@@ -98,7 +98,8 @@ int run(const Options& options) {
   ProcessSetup process = prepare_process(robot->control);
   auto published = PublishedSegments::create(robot->joints.size(), tick_config->largest_command);
   if (!published) return refuse(kExitSetUpRefused, published.error());
-  MailboxHandover mailboxes, fallback_mailboxes, candidate_mailboxes;
+  PerSeat<MailboxHandover> mailboxes;
+  const AdmissionRules rules = admission_rules(*robot, policy_hash);
   OperatorInbox requests;
   RecordedThrough recorded;
   StatusBoard board;
@@ -115,10 +116,17 @@ int run(const Options& options) {
   follower.tell(queues.watch());
 
   // The socket first: a second executive is turned away before it touches a bus.
-  auto reception = Reception::open(
-      config::executive_socket(directory),
-      {*robot, *tick_config, admission_rules(*robot, policy_hash), admission_rules(fallback_robot, fallback_hash),
-       *published, mailboxes, fallback_mailboxes, candidate_mailboxes, requests, recorded, board, follower, *guest});
+  auto reception = Reception::open(config::executive_socket(directory),
+                                   {*robot,
+                                    *tick_config,
+                                    {{rules, admission_rules(fallback_robot, fallback_hash), rules}},
+                                    *published,
+                                    mailboxes,
+                                    requests,
+                                    recorded,
+                                    board,
+                                    follower,
+                                    *guest});
   if (!reception) return refuse(kExitSetUpRefused, reception.error());
   auto stops = StopThread::start(ipc::stop_socket_beside(config::executive_socket(directory)), requests);
   if (!stops) return refuse(kExitSetUpRefused, stops.error());
@@ -128,8 +136,8 @@ int run(const Options& options) {
   SystemClock clock;
   std::optional<ImuLink> imu;
   if (robot->imu) imu.emplace(config::sensor_socket(directory, robot->imu->sensor), robot->imu->sensor);
-  CyclicLoop loop({*tick_config, clock, opened->edge, mailboxes, fallback_mailboxes, candidate_mailboxes, requests,
-                   recorded, *published, board, imu ? &imu->mailboxes() : nullptr},
+  CyclicLoop loop({*tick_config, clock, opened->edge, mailboxes, requests, recorded, *published, board,
+                   imu ? &imu->mailboxes() : nullptr},
                   {robot->control.wake, robot->control.spin, keyframe_ticks(*robot)});
   auto thread = ControlThread::start(robot->control, loop);
   if (!thread) return refuse(kExitSetUpRefused, thread.error());

@@ -62,9 +62,9 @@ OperatorReply Reception::answer(const OperatorMessage& message, std::string_view
       parts_.follower.catch_up();
       if (const TickRecord& latest = parts_.follower.latest(); latest.header.mode == Mode::standby)
         for (const std::string& fault : drive_faults(latest, parts_.config, parts_.robot.joints)) say(reply, fault);
-      for (const Role role : {Role::policy, Role::fallback_policy, Role::candidate_policy})
-        if (const std::string problem = words_.problem(role); !problem.empty() && seat_of(role).attached)
-          say(reply, fmt::format("{}: {}", name(role), problem));
+      for (const Seat seat : kSeats)
+        if (const std::string problem = words_.problem(kPolicyRoles[seat]); !problem.empty() && leases_[seat].attached)
+          say(reply, fmt::format("{}: {}", name(kPolicyRoles[seat]), problem));
       for (const config::WatchdogWaiver& waiver : config::watchdog_waivers(parts_.robot))
         say(reply,
             "joint " + waiver.joint + ": its drive has no command timeout (watchdog_waiver: " + waiver.reason + ")");
@@ -108,7 +108,7 @@ bool Reception::wait_for(OperatorRequest request, std::uint64_t after_tick) {
 
 std::vector<std::string> Reception::missing() const {
   return missing_for_arming(parts_.follower.latest(), parts_.config, parts_.robot.joints,
-                            {.policy_attached = (candidate_in_charge() ? candidate_ : policy_).attached,
+                            {.policy_attached = leases_[seat_in_charge()].attached,
                              .realtime = realtime_,
                              .allow_non_realtime = allow_non_realtime_,
                              .shutting_down = shutting_down_,
@@ -126,7 +126,7 @@ void Reception::arm(OperatorReply& reply) {
     missing = this->missing();
   }
   const TickRecord& latest = parts_.follower.latest();
-  const Role in_charge = candidate_in_charge() ? Role::candidate_policy : Role::policy;
+  const Role in_charge = kPolicyRoles[seat_in_charge()];
   for (const std::string& sentence : missing)
     say(reply, with_reason(with_reason(sentence, kIsHostRunning, words_.problem(in_charge)), kIsFallbackHostRunning,
                            words_.problem(Role::fallback_policy)));
@@ -195,13 +195,14 @@ void Reception::swap(std::uint64_t policy_hash, OperatorReply& reply) {
   const CandidateRecord& candidate = now.tick.candidate;
   if (candidate.in_charge != 0)
     return say(reply, fmt::format("candidate {:016x} is in charge already", candidate.policy_hash));
-  if (!candidate_.attached)
+  if (!leases_[Seat::candidate].attached)
     return say(reply, "no candidate runs beside the policy: takt policy shadow FILE starts one");
   if (policy_hash != candidate.policy_hash)
     return say(reply, fmt::format("the candidate is {:016x}, not {:016x}: takt status says who runs beside the policy",
                                   candidate.policy_hash, policy_hash));
   if (pipeline::is_latched(now.tick.mode)) return say(reply, "the robot is stopped: reset it first");
-  if (!is_usable(candidate.freshness)) return say(reply, "the candidate has no fresh command: takt status says why");
+  if (!is_usable(now.tick.seats[Seat::candidate].freshness))
+    return say(reply, "the candidate has no fresh command: takt status says why");
   const std::uint64_t tick = parts_.follower.latest().header.tick;
   parts_.requests.swap(policy_hash);
   if (!wait_for(OperatorRequest::swap, tick)) return say(reply, kNotNoticed);
@@ -211,7 +212,7 @@ void Reception::swap(std::uint64_t policy_hash, OperatorReply& reply) {
 void Reception::back(OperatorReply& reply) {
   const StatusSnapshot now = status();
   if (now.tick.candidate.in_charge == 0) return say(reply, "the robot's own policy is in charge already");
-  if (!policy_.attached)
+  if (!leases_[Seat::policy].attached)
     return say(reply, "the robot's own policy does not run: start its host (takt-policy-host), then try again");
   if (pipeline::is_latched(now.tick.mode)) return say(reply, "the robot is stopped: reset it first");
   const std::uint64_t tick = parts_.follower.latest().header.tick;

@@ -9,11 +9,6 @@
 namespace takt::runtime {
 namespace {
 
-std::size_t index_of(Role role) {
-  if (role == Role::fallback_policy) return 1;
-  return role == Role::candidate_policy ? 2 : 0;
-}
-
 bool says_the_same(const PolicyWord& one, const PolicyWord& other) {
   return one.first_sequence == other.first_sequence && std::string_view(one.sentence) == other.sentence;
 }
@@ -27,12 +22,12 @@ PolicyWord problem_word(Role role, std::string_view sentence) {
 
 }  // namespace
 
-PolicyWords::Seat& PolicyWords::seat_of(Role role) {
-  return seats_[index_of(role)];
+PolicyWords::SeatWords& PolicyWords::words_of(Role role) {
+  return seats_[seat_of(role).value_or(Seat::policy)];
 }
 
 void PolicyWords::put(const PolicyWord& word, MonoTime now) {
-  Standing& standing = seat_of(word.role).standing[static_cast<std::size_t>(word.kind)];
+  Standing& standing = words_of(word.role).standing[static_cast<std::size_t>(word.kind)];
   if (standing.is_known && says_the_same(standing.word, word)) return;
   const std::uint32_t superseded = standing.is_due ? standing.word.superseded + 1 : 0;
   standing = {.word = word, .is_known = true, .is_due = true};
@@ -41,45 +36,47 @@ void PolicyWords::put(const PolicyWord& word, MonoTime now) {
 }
 
 void PolicyWords::take(const PolicyWord& word, MonoTime now) {
-  if (word.kind == PolicyWordKind::problem) seat_of(word.role).is_presumed = false;
+  if (word.kind == PolicyWordKind::problem) words_of(word.role).is_presumed = false;
   put(word, now);
 }
 
 void PolicyWords::presume(Role role, const std::string& sentence, MonoTime now) {
   if (!problem(role).empty()) return;
-  seat_of(role).is_presumed = true;
+  words_of(role).is_presumed = true;
   put(problem_word(role, sentence), now);
 }
 
 void PolicyWords::answers(Role role, MonoTime now) {
-  if (std::exchange(seat_of(role).is_presumed, false)) put(problem_word(role, ""), now);
+  if (std::exchange(words_of(role).is_presumed, false)) put(problem_word(role, ""), now);
 }
 
 void PolicyWords::begin(Role role, MonoTime now) {
-  Seat& seat = seat_of(role);
+  SeatWords& seat = words_of(role);
   seat.is_presumed = false;
   seat.standing[static_cast<std::size_t>(PolicyWordKind::source)] = {};
   if (!problem(role).empty()) put(problem_word(role, ""), now);
 }
 
 void PolicyWords::end(Role role, const std::string& how, MonoTime now) {
-  seat_of(role).is_presumed = false;
-  seat_of(role).standing[static_cast<std::size_t>(PolicyWordKind::source)] = {};
+  words_of(role).is_presumed = false;
+  words_of(role).standing[static_cast<std::size_t>(PolicyWordKind::source)] = {};
   put(problem_word(role, how), now);
 }
 
 std::string PolicyWords::problem(Role role) const {
-  return seats_[index_of(role)].standing[static_cast<std::size_t>(PolicyWordKind::problem)].word.sentence;
+  return seats_[seat_of(role).value_or(Seat::policy)]
+      .standing[static_cast<std::size_t>(PolicyWordKind::problem)]
+      .word.sentence;
 }
 
 void PolicyWords::tell_all_again() {
-  for (Seat& seat : seats_)
+  for (SeatWords& seat : seats_.values)
     for (Standing& standing : seat.standing) standing.is_due = standing.is_known && standing.word.sentence[0] != '\0';
 }
 
 std::vector<PolicyWord> PolicyWords::take_due(MonoTime now) {
   std::vector<PolicyWord> due;
-  for (Seat& seat : seats_) {
+  for (SeatWords& seat : seats_.values) {
     if (!seat.window_begin.is_set() || now - seat.window_begin >= kWindow) {
       seat.window_begin = now;
       seat.told = 0;

@@ -42,15 +42,15 @@ class PolicyWords {
     PolicyWord word;
     bool is_known = false, is_due = false;
   };
-  struct Seat {
+  struct SeatWords {
     std::array<Standing, kPolicyWordKindCount> standing;
     MonoTime window_begin;
     std::uint32_t told = 0;  // in this window
     bool is_presumed = false;
   };
-  Seat& seat_of(Role role);
+  SeatWords& words_of(Role role);
   void put(const PolicyWord& word, MonoTime now);
-  std::array<Seat, 3> seats_;
+  PerSeat<SeatWords> seats_;
 };
 
 }  // namespace takt::runtime

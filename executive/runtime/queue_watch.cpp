@@ -11,7 +11,7 @@ MonoTime oldest_sample(const TickRecordHeader& tick) noexcept {
     case Player::policy:
       return tick.now - tick.age.total();
     case Player::fallback:
-      return tick.now - tick.fallback.age;
+      return tick.now - tick.seats[Seat::fallback].age;
     case Player::none:
     case Player::candidate:
       break;

@@ -14,20 +14,11 @@
 #include "executive/runtime/clock.hpp"
 
 namespace takt::runtime {
-namespace {
-
-constexpr Role input_reader_of(Role policy) {
-  if (policy == Role::candidate_policy) return Role::candidate_input_reader;
-  return policy == Role::fallback_policy ? Role::fallback_input_reader : Role::input_reader;
-}
-
-}  // namespace
-
 std::expected<std::unique_ptr<Reception>, std::string> Reception::open(const std::string& socket_path,
                                                                        const ReceptionParts& parts) {
   std::unique_ptr<Reception> reception(new Reception(parts));
-  for (PolicySeat* seat : {&reception->policy_, &reception->fallback_, &reception->candidate_})
-    if (auto prepared = reception->prepare_inputs(*seat); !prepared) return std::unexpected(prepared.error());
+  for (Lease& lease : reception->leases_.values)
+    if (auto prepared = reception->prepare_inputs(lease); !prepared) return std::unexpected(prepared.error());
   auto server = ipc::RendezvousServer::listen(socket_path, geteuid(), reception->handlers(), parts.policy_user);
   if (!server) return std::unexpected(server.error());
   reception->server_ = std::make_unique<ipc::RendezvousServer>(std::move(*server));
@@ -60,9 +51,7 @@ void Reception::set_realtime(bool realtime, bool allow_non_realtime) {
 
 void Reception::serve(std::chrono::milliseconds timeout) {
   server_->serve(timeout);
-  parts_.mailboxes.settle();
-  parts_.fallback_mailboxes.settle();
-  parts_.candidate_mailboxes.settle();
+  for (MailboxHandover& mailboxes : parts_.mailboxes.values) mailboxes.settle();
   watch_silence();
   tell_policy_words();
   operators_.pass_all([this](const OperatorWord& word) { return server_->pass_on(word); });
@@ -71,10 +60,11 @@ void Reception::serve(std::chrono::milliseconds timeout) {
 // A host that hangs cannot say so. Before the robot is stopped for want of commands the reason is there.
 void Reception::watch_silence() {
   const MonoTime now = SystemClock().now();
-  const Role role = candidate_in_charge() ? Role::candidate_policy : Role::policy;
+  const Seat seat = seat_in_charge();
+  const Role role = kPolicyRoles[seat];
   const ipc::Peer* const host = server_->holder(role);
-  const bool is_usable = takt::is_usable(parts_.follower.latest().header.freshness);
-  if (is_usable || host == nullptr || !seat_of(role).attached) policy_lived_at_ = now;
+  const bool is_usable = takt::is_usable(parts_.follower.latest().header.seats[Seat::policy].freshness);
+  if (is_usable || host == nullptr || !leases_[seat].attached) policy_lived_at_ = now;
   if (is_usable) return words_.answers(role, now);
   if (now - policy_lived_at_ > Duration{parts_.config.freshness.stop_after.ns / 4 * 3})
     words_.presume(role,
@@ -96,50 +86,20 @@ void Reception::tell_policy_words() {
   }
 }
 
-Reception::PolicySeat& Reception::seat_of(Role role) {
-  switch (role) {
-    case Role::fallback_policy:
-    case Role::fallback_input_reader:
-      return fallback_;
-    case Role::candidate_policy:
-    case Role::candidate_input_reader:
-      return candidate_;
-    case Role::policy:
-    case Role::input_reader:
-    case Role::monitor:
-    case Role::viewer:
-    case Role::operator_console:
-    case Role::sensor_reader:
-      break;
-  }
-  return policy_;
-}
-
 ipc::Admission Reception::admit(const ipc::Peer& peer) {
   ipc::Admission admission;
-  switch (peer.hello.role) {
-    case Role::policy:
-    case Role::fallback_policy:
-    case Role::candidate_policy:
-      admission = admit_policy(peer);
-      break;
-    case Role::monitor:
-    case Role::viewer:
-      admission.refusal = refusal_of_monitor(peer.hello, parts_.rules);
-      if (!admission.refusal.empty()) break;
-      admission.descriptors = parts_.published.monitor_descriptors();
-      if (peer.hello.role == Role::monitor) words_.tell_all_again();
-      break;
-    case Role::input_reader:
-    case Role::fallback_input_reader:
-    case Role::candidate_input_reader:
-      admission = admit_input_reader(peer);
-      break;
-    case Role::operator_console:
-      return admission;
-    case Role::sensor_reader:
-      admission.refusal = "the executive serves no sensor: connect to sensor-<name>.sock in the same directory";
-      break;
+  const Role role = peer.hello.role;
+  if (role == Role::operator_console) return admission;
+  if (is_policy(role)) {
+    admission = admit_policy(peer);
+  } else if (is_input_reader(role)) {
+    admission = admit_input_reader(peer);
+  } else if (role == Role::sensor_reader) {
+    admission.refusal = "the executive serves no sensor: connect to sensor-<name>.sock in the same directory";
+  } else {
+    admission.refusal = refusal_of_monitor(peer.hello, parts_.rules[Seat::policy]);
+    if (admission.refusal.empty()) admission.descriptors = parts_.published.monitor_descriptors();
+    if (admission.refusal.empty() && role == Role::monitor) words_.tell_all_again();
   }
   if (admission.refusal.empty()) {
     spdlog::info("{} admitted: pid {} ({})", name(peer.hello.role), peer.pid, peer.hello.program);
@@ -150,57 +110,61 @@ ipc::Admission Reception::admit(const ipc::Peer& peer) {
 }
 
 ipc::Admission Reception::admit_policy(const ipc::Peer& peer) {
-  if (peer.hello.role == Role::fallback_policy && !pipeline::has_fallback_policy(parts_.config))
+  const Seat seat = *seat_of(peer.hello.role);
+  if (seat == Seat::fallback && !pipeline::has_fallback_policy(parts_.config))
     return {"the robot has no fallback policy: name one of kind `policy` in degraded.fallback, or do not start it", {}};
-  PolicySeat& seat = seat_of(peer.hello.role);
-  const std::uint64_t in_charge = candidate_in_charge() ? parts_.board.read().tick.candidate.policy_hash : 0;
-  auto refusal = peer.hello.role == Role::candidate_policy ? refusal_of_candidate(peer.hello, seat.rules, in_charge)
-                                                           : refusal_of_policy(peer.hello, seat.rules);
+  const bool is_another = seat == Seat::candidate && seat_in_charge() == Seat::candidate;
+  const std::uint64_t in_charge = is_another ? parts_.board.read().tick.candidate.policy_hash : 0;
+  auto refusal = seat == Seat::candidate ? refusal_of_candidate(peer.hello, parts_.rules[seat], in_charge)
+                                         : refusal_of_policy(peer.hello, parts_.rules[seat]);
   if (!refusal.empty()) return {std::move(refusal), {}};
   // Unmapped here until the policy has mapped it: see the sealing order in ipc/segment.hpp.
   auto segment = ipc::Segment::create("takt-command", ipc::ring_bytes(ipc::command_mailbox()), false);
   if (!segment) return {segment.error(), {}};
-  seat.offered = std::move(*segment);
-  ipc::Admission admission{{}, {parts_.published.observation_descriptor(), seat.offered->fd()}};
-  if (seat.inputs) admission.descriptors.push_back(seat.inputs->fd());
+  Lease& lease = leases_[seat];
+  lease.offered = std::move(*segment);
+  ipc::Admission admission{{}, {parts_.published.observation_descriptor(), lease.offered->fd()}};
+  if (lease.inputs) admission.descriptors.push_back(lease.inputs->fd());
   return admission;
 }
 
-std::expected<void, std::string> Reception::prepare_inputs(PolicySeat& seat) {
+std::expected<void, std::string> Reception::prepare_inputs(Lease& lease) {
   const std::size_t largest = config::largest_policy_input(parts_.robot);
-  seat.inputs.reset();
+  lease.inputs.reset();
   if (largest == 0) return {};
   auto segment = ipc::Segment::create("takt-policy-input", ipc::ring_bytes(ipc::policy_input_ring(largest)), false);
   if (!segment) return std::unexpected(segment.error());
-  seat.inputs = std::move(*segment);
+  lease.inputs = std::move(*segment);
   return {};
 }
 
 ipc::Admission Reception::admit_input_reader(const ipc::Peer& peer) {
-  if (auto refusal = refusal_of_monitor(peer.hello, parts_.rules); !refusal.empty()) return {std::move(refusal), {}};
-  const PolicySeat& seat = seat_of(peer.hello.role);
-  if (!seat.inputs) return {"this robot's policy inputs are not recorded (docs/policies.md says which are)", {}};
-  return {{}, {seat.inputs->fd()}};
+  if (auto refusal = refusal_of_monitor(peer.hello, parts_.rules[Seat::policy]); !refusal.empty())
+    return {std::move(refusal), {}};
+  const Lease& lease = leases_[*seat_of(peer.hello.role)];
+  if (!lease.inputs) return {"this robot's policy inputs are not recorded (docs/policies.md says which are)", {}};
+  return {{}, {lease.inputs->fd()}};
 }
 
 void Reception::hand_over(const ipc::Peer& peer) {
-  PolicySeat& seat = seat_of(peer.hello.role);
-  if (!seat.offered) return;
-  ipc::Segment mapped = std::move(*seat.offered);
-  seat.offered.reset();
-  if (seat.inputs) {
-    if (auto sealed = seat.inputs->seal_against_new_writers(); !sealed)
+  const Seat seat = *seat_of(peer.hello.role);
+  Lease& lease = leases_[seat];
+  if (!lease.offered) return;
+  ipc::Segment mapped = std::move(*lease.offered);
+  lease.offered.reset();
+  if (lease.inputs) {
+    if (auto sealed = lease.inputs->seal_against_new_writers(); !sealed)
       spdlog::error("{} pid {}: {}", name(peer.hello.role), peer.pid, sealed.error());
   }
-  std::uint8_t& session = peer.hello.role == Role::fallback_policy ? fallback_sessions_ : sessions_;
+  std::uint8_t& session = sessions_[seat == Seat::candidate ? Seat::policy : seat];
   session = static_cast<std::uint8_t>(session == UINT8_MAX ? 1 : session + 1);
   auto mailbox = CommandMailbox::seal(std::move(mapped), session, peer.hello.policy_hash);
   if (!mailbox) {
     spdlog::error("{} pid {}: {}", name(peer.hello.role), peer.pid, mailbox.error());
     return;  // never read; the policy's commands go nowhere until it attaches again
   }
-  seat.mailboxes.want(std::move(*mailbox));
-  seat.attached = true;
+  parts_.mailboxes[seat].want(std::move(*mailbox));
+  lease.attached = true;
   words_.begin(peer.hello.role, SystemClock().now());
   spdlog::info("{} pid {}: mailbox sealed, session {}", name(peer.hello.role), peer.pid, session);
 }
@@ -210,31 +174,30 @@ void Reception::take_leave(const ipc::Peer& peer) {
   spdlog::info("{} left: pid {}", name(peer.hello.role), peer.pid);
   if (peer.hello.role == Role::monitor) parts_.recorded.set(0);
   if (!is_policy(peer.hello.role)) return;
-  PolicySeat& seat = seat_of(peer.hello.role);
-  seat.offered.reset();
-  if (std::exchange(seat.attached, false)) {
-    seat.mailboxes.want(nullptr);
+  const Seat seat = *seat_of(peer.hello.role);
+  Lease& lease = leases_[seat];
+  lease.offered.reset();
+  if (std::exchange(lease.attached, false)) {
+    parts_.mailboxes[seat].want(nullptr);
     words_.end(peer.hello.role, fmt::format("its host left ({}, pid {})", peer.hello.program, peer.pid),
                SystemClock().now());
   }
-  if (auto prepared = prepare_inputs(seat); !prepared) spdlog::error("{}", prepared.error());
-  server_->evict(input_reader_of(peer.hello.role));
+  if (auto prepared = prepare_inputs(lease); !prepared) spdlog::error("{}", prepared.error());
+  server_->evict(kInputReaderRoles[seat]);
 }
 
-bool Reception::candidate_in_charge() const {
-  return parts_.board.read().tick.candidate.in_charge != 0;
+Seat Reception::seat_in_charge() const {
+  return parts_.board.read().tick.candidate.in_charge != 0 ? Seat::candidate : Seat::policy;
 }
 
 StatusSnapshot Reception::status() {
   StatusSnapshot status = parts_.board.read();
-  const ipc::Peer* const policy = server_->holder(Role::policy);
-  const ipc::Peer* const fallback = server_->holder(Role::fallback_policy);
-  const ipc::Peer* const monitor = server_->holder(Role::monitor);
-  status.policy_pid = policy != nullptr ? static_cast<std::uint64_t>(policy->pid) : 0;
-  const ipc::Peer* const candidate = server_->holder(Role::candidate_policy);
-  status.candidate_pid = candidate != nullptr ? static_cast<std::uint64_t>(candidate->pid) : 0;
-  status.fallback_pid = fallback != nullptr ? static_cast<std::uint64_t>(fallback->pid) : 0;
-  status.monitor_pid = monitor != nullptr ? static_cast<std::uint64_t>(monitor->pid) : 0;
+  const auto pid_of = [this](Role role) {
+    const ipc::Peer* const holder = server_->holder(role);
+    return holder != nullptr ? static_cast<std::uint64_t>(holder->pid) : 0;
+  };
+  for (const Seat seat : kSeats) status.policy_pids[seat] = pid_of(kPolicyRoles[seat]);
+  status.monitor_pid = pid_of(Role::monitor);
   status.realtime = realtime_ ? 1 : 0;
   status.recorder_required = parts_.config.unrecorded_limit != 0 ? 1 : 0;
   return status;

@@ -46,11 +46,9 @@ inline constexpr std::chrono::milliseconds kRequestPatience{100};
 struct ReceptionParts {
   const config::RobotConfig& robot;
   const pipeline::TickConfig& config;
-  AdmissionRules rules, fallback_rules;  // the candidate's are the policy's, but for its hash
+  PerSeat<AdmissionRules> rules;  // the candidate's are the policy's, but for its hash
   PublishedSegments& published;
-  MailboxHandover& mailboxes;
-  MailboxHandover& fallback_mailboxes;
-  MailboxHandover& candidate_mailboxes;
+  PerSeat<MailboxHandover>& mailboxes;
   OperatorInbox& requests;
   RecordedThrough& recorded;
   StatusBoard& board;
@@ -79,16 +77,13 @@ class Reception {
   ipc::RendezvousServer::Handlers handlers();
 
   ipc::Admission admit(const ipc::Peer& peer);
-  // One of the policies that lend themselves to the robot.
-  struct PolicySeat {
-    const AdmissionRules& rules;
-    MailboxHandover& mailboxes;
+  // What a policy of a seat has been lent.
+  struct Lease {
     std::optional<ipc::Segment> offered = {};  // to a policy that has not acknowledged yet
     std::optional<ipc::Segment> inputs = {};   // of this session or, before it, of the next; none: not recorded
     bool attached = false;                     // acknowledged, sealed and handed over
   };
-  PolicySeat& seat_of(Role role);
-  std::expected<void, std::string> prepare_inputs(PolicySeat& seat);
+  std::expected<void, std::string> prepare_inputs(Lease& lease);
   ipc::Admission admit_policy(const ipc::Peer& peer);
   ipc::Admission admit_input_reader(const ipc::Peer& peer);
   void hand_over(const ipc::Peer& peer);
@@ -106,18 +101,16 @@ class Reception {
   void back(OperatorReply& reply);
   // True when a tick that read `request` is over.
   bool wait_for(OperatorRequest request, std::uint64_t after_tick);
-  [[nodiscard]] bool candidate_in_charge() const;
+  // Whose host's commands are the policy's.
+  [[nodiscard]] Seat seat_in_charge() const;
   StatusSnapshot status();
   [[nodiscard]] IncidentNote incident() const;
 
   ReceptionParts parts_;
   std::unique_ptr<ipc::RendezvousServer> server_;
-  PolicySeat policy_{parts_.rules, parts_.mailboxes};
-  PolicySeat fallback_{parts_.fallback_rules, parts_.fallback_mailboxes};
-  PolicySeat candidate_{parts_.rules, parts_.candidate_mailboxes};
-  std::uint8_t sessions_ =
-      0;  // of policy and candidate: what follows another one differs from it, whoever is in charge
-  std::uint8_t fallback_sessions_ = 0;
+  PerSeat<Lease> leases_;
+  // What follows another one differs from it. The policy's counts the candidate's, too: the two may change places.
+  PerSeat<std::uint8_t> sessions_{};
   PolicyWords words_;
   OperatorLog operators_;
   MonoTime policy_lived_at_;  // the policy in charge came, spoke, or had a usable command in a tick

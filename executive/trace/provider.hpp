@@ -36,9 +36,9 @@ LTTNG_UST_TRACEPOINT_EVENT(takt, command_consumed,
   LTTNG_UST_TP_ARGS(const takt::TickRecordHeader*, record),
   LTTNG_UST_TP_FIELDS(
     lttng_ust_field_integer(std::uint64_t, tick, record->tick)
-    lttng_ust_field_integer(std::uint64_t, sequence, record->command_sequence_seen)
-    lttng_ust_field_integer(std::uint64_t, observation_id, record->observation_answered)
-    lttng_ust_field_integer(std::uint8_t, arrival, static_cast<std::uint8_t>(record->arrival))
+    lttng_ust_field_integer(std::uint64_t, sequence, record->seats[takt::Seat::policy].command_sequence_seen)
+    lttng_ust_field_integer(std::uint64_t, observation_id, record->seats[takt::Seat::policy].observation_answered)
+    lttng_ust_field_integer(std::uint8_t, arrival, static_cast<std::uint8_t>(record->seats[takt::Seat::policy].arrival))
     lttng_ust_field_integer(std::int64_t, sense_ns, record->age.sense.ns)
     lttng_ust_field_integer(std::int64_t, queue_ns, record->age.queue.ns)
     lttng_ust_field_integer(std::int64_t, infer_ns, record->age.infer.ns)
@@ -59,8 +59,8 @@ LTTNG_UST_TRACEPOINT_EVENT(takt, tick_end,
   LTTNG_UST_TP_FIELDS(
     lttng_ust_field_integer(std::uint64_t, tick, record->tick)
     lttng_ust_field_integer(std::uint8_t, mode, static_cast<std::uint8_t>(record->mode))
-    lttng_ust_field_integer(std::uint8_t, freshness, static_cast<std::uint8_t>(record->freshness))
-    lttng_ust_field_integer(std::uint64_t, sequence, record->command_sequence)
+    lttng_ust_field_integer(std::uint8_t, freshness, static_cast<std::uint8_t>(record->seats[takt::Seat::policy].freshness))
+    lttng_ust_field_integer(std::uint64_t, sequence, record->seats[takt::Seat::policy].command_sequence)
     lttng_ust_field_integer(std::int64_t, age_ns, record->age.total().ns)))
 
 LTTNG_UST_TRACEPOINT_EVENT(takt, dequeue_begin,

@@ -90,12 +90,13 @@ void EpisodeCutter::accept() {
 }
 
 const CommandChunk* EpisodeCutter::in_use(const TickRecordHeader& header) {
-  if (read_ && read_->tick == header.tick && header.arrival == Arrival::accepted) accept();
+  if (read_ && read_->tick == header.tick && header.seats[Seat::policy].arrival == Arrival::accepted) accept();
   read_.reset();
   // Sequences start over with every session of a policy, and every policy has its own: the newest of that number and
   // policy is the one.
   const auto found = std::find_if(accepted_.rbegin(), accepted_.rend(), [&](const auto& chunk) {
-    return chunk->header.sequence == header.command_sequence && chunk->header.policy_hash == header.command_policy;
+    return chunk->header.sequence == header.seats[Seat::policy].command_sequence &&
+           chunk->header.policy_hash == header.command_policy;
   });
   if (found == accepted_.rend()) return nullptr;
   accepted_.erase(accepted_.begin(), found.base() - 1);

@@ -85,12 +85,12 @@ std::string ticks_table(const FailureWatch& ticks) {
   for (const TickRecordHeader& tick : ticks.around()) {
     const AgeParts& age = tick.age;
     const bool changed = tick.mode != tick.previous_mode;
-    text +=
-        fmt::format("| {} | {}{} | {} | {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {} | {:.0f} |\n",
-                    tick.tick, name(tick.mode), changed ? fmt::format(" ({})", name(tick.cause)) : "",
-                    tick.command_sequence, name(tick.freshness), age.total().milliseconds(), age.sense.milliseconds(),
-                    age.queue.milliseconds(), age.infer.milliseconds(), age.publish.milliseconds(),
-                    age.hold.milliseconds(), name(tick.arrival), tick.lateness.milliseconds() * 1000);
+    text += fmt::format("| {} | {}{} | {} | {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {} | {:.0f} |\n",
+                        tick.tick, name(tick.mode), changed ? fmt::format(" ({})", name(tick.cause)) : "",
+                        tick.seats[Seat::policy].command_sequence, name(tick.seats[Seat::policy].freshness),
+                        age.total().milliseconds(), age.sense.milliseconds(), age.queue.milliseconds(),
+                        age.infer.milliseconds(), age.publish.milliseconds(), age.hold.milliseconds(),
+                        name(tick.seats[Seat::policy].arrival), tick.lateness.milliseconds() * 1000);
   }
   return text;
 }

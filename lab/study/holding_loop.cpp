@@ -54,7 +54,7 @@ HoldingLoop::HoldingLoop(const config::RobotConfig& robot, plant::Plant plant, P
   plant_.set_state({pose, Eigen::VectorXd::Zero(pose.size())});
   input_.last_duration = kTickWork;
   input_.lateness = kLateness;
-  input_.policy.session = 1;
+  input_.messages[Seat::policy].session = 1;
   CommandHeader& header = chunk_->header;
   header.step_period = milliseconds(100);
   header.step_count = 16;
@@ -85,9 +85,9 @@ void HoldingLoop::tick() {
   input_.torque_output = TorqueOutputState::as_told;
   input_.now = now;
   bus_->receive(plant_, now, input_);
-  input_.policy.command = answered_ ? chunk_.get() : nullptr;
-  input_.policy.bytes = answered_ ? chunk_->used_bytes() : 0;
-  input_.policy.mailbox = answered_ ? Arrival::accepted : Arrival::none;
+  input_.messages[Seat::policy].command = answered_ ? chunk_.get() : nullptr;
+  input_.messages[Seat::policy].bytes = answered_ ? chunk_->used_bytes() : 0;
+  input_.messages[Seat::policy].mailbox = answered_ ? Arrival::accepted : Arrival::none;
   pipeline::control_tick(*state_, input_, config_, *output_);
   answered_ = false;
   input_.operator_request = OperatorRequest::none;

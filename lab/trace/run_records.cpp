@@ -14,8 +14,9 @@ std::expected<std::vector<TickFacts>, std::string> records_of(const std::string&
   const auto scan = scan_run(*run, {.tick =
                                         [&records](const RecordedTick& tick) {
                                           const TickRecordHeader& h = tick.record.header;
-                                          records.push_back({h.tick, h.now, h.age, h.command_sequence, h.mode,
-                                                             h.freshness, h.overrun_cause, h.cause});
+                                          const SeatRecord& policy = h.seats[Seat::policy];
+                                          records.push_back({h.tick, h.now, h.age, policy.command_sequence, h.mode,
+                                                             policy.freshness, h.overrun_cause, h.cause});
                                         },
                                     .command = {},
                                     .keyframe = {},

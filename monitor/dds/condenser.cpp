@@ -21,8 +21,8 @@ void Condenser::tick(const TickRecord& record) {
   if (header.now < since_ || header.joint_count != robot_.joints.size()) return;
   auto diagnostics = diagnoser_.tick(record);
   if (is_first_use(header))
-    out_.put(
-        CommandAge{unix_ns(header.now), header.tick, header.command_sequence, header.observation_answered, header.age});
+    out_.put(CommandAge{unix_ns(header.now), header.tick, header.seats[Seat::policy].command_sequence,
+                        header.seats[Seat::policy].observation_answered, header.age});
   if (joint_state_rate_.is_due(header.now)) put_joint_states(record);
   const bool changed = header.mode != header.previous_mode;
   const bool status_due = status_rate_.is_due(header.now);

@@ -74,7 +74,7 @@ void lend(const Status& message, const Losses& losses, const RequestAnswer& answ
   wire.mode = borrowed(name(tick.mode));
   wire.cause = borrowed(name(message.cause));
   wire.detail = borrowed(message.detail);
-  wire.freshness = borrowed(name(tick.freshness));
+  wire.freshness = borrowed(name(tick.seats[Seat::policy].freshness));
   wire.age_ns = tick.age.total().ns;
   wire.window_misses = tick.window_misses;
   wire.window_ticks = tick.window_ticks;
@@ -82,8 +82,8 @@ void lend(const Status& message, const Losses& losses, const RequestAnswer& answ
   wire.overruns = message.overruns;
   wire.refused_commands = tick.refused_commands;
   wire.integration_errors = tick.integration_errors;
-  wire.command_sequence = tick.command_sequence;
-  wire.observation_answered = tick.observation_answered;
+  wire.command_sequence = tick.seats[Seat::policy].command_sequence;
+  wire.observation_answered = tick.seats[Seat::policy].observation_answered;
   wire.drives_enabled = tick.drives_enabled != 0;
   refer(wire.causes_active, out.causes);
   wire.lost_joint_states = lost(Channel::joint_states);

@@ -56,9 +56,9 @@ void ChunkMonitors::tick(const TickRecordHeader& header) {
   const bool has_read = is_whole();
   read_bytes_ = 0;
   if (!scorer_) return;
-  if (!is_followed(header.mode) || header.policy_session != session_) forget();
-  session_ = header.policy_session;
-  if (has_read && header.arrival == Arrival::accepted && is_followed(header.mode)) {
+  if (!is_followed(header.mode) || header.seats[Seat::policy].session != session_) forget();
+  session_ = header.seats[Seat::policy].session;
+  if (has_read && header.seats[Seat::policy].arrival == Arrival::accepted && is_followed(header.mode)) {
     const auto answered = std::ranges::find(published_, read_->header.observation_id, &Published::observation);
     if (answered != published_.end()) watch(header, scorer_->score(*read_, answered->at));
   }

@@ -209,13 +209,13 @@ WrongContent ContentWatch::tick(const TickRecord& record) {
   if (watched_.imu && header.imu.sequence != 0)
     note_sample(*watched_.imu, header.imu.sequence, header.imu.sensed_at, values_of(header.imu));
   const bool relies = relies_on_policy(header.mode);
-  if (relies && (!relied_ || header.policy_session != session_)) {
+  if (relies && (!relied_ || header.seats[Seat::policy].session != session_)) {
     before_ = watched_.field == CommandField::q ? q_ : std::vector<float>{};
     before_is_measured_ = true;
     usual_jump_ = 0;
     reordered_ = 0;
   }
-  if (relies && header.arrival == Arrival::accepted && !asked_.empty()) {
+  if (relies && header.seats[Seat::policy].arrival == Arrival::accepted && !asked_.empty()) {
     if (before_.size() == asked_.size()) {
       const std::uint64_t reordered = reordered_joints(asked_, before_, usual_jump_);
       const std::uint64_t stood = reordered_;
@@ -231,7 +231,7 @@ WrongContent ContentWatch::tick(const TickRecord& record) {
   }
   asked_.clear();
   relied_ = relies;
-  session_ = header.policy_session;
+  session_ = header.seats[Seat::policy].session;
   q_.resize(header.joint_count);
   for (std::size_t joint = 0; joint < q_.size(); ++joint) q_[joint] = record.joints[joint].feedback.q;
   return std::exchange(found_, {});

@@ -277,7 +277,7 @@ std::optional<AgeParts> FaultClassifier::parts_of_arrival(const TickRecordHeader
     parts.hold = {};
     return parts;
   }
-  if (!is_refused_for_age(header.arrival) || !command_) return {};
+  if (!is_refused_for_age(header.seats[Seat::policy].arrival) || !command_) return {};
   const auto known = observations_.find(command_->observation_id);
   if (known == observations_.end()) return {};
   const Published& observation = known->second;
@@ -326,13 +326,14 @@ FaultClue FaultClassifier::clue_of(const TickRecord& record) {
   if (before_) {
     clue.skipped = header.skipped_periods - before_->skipped_periods;
     clue.ran_backwards = header.integration_errors - before_->integration_errors;
-    clue.is_other_session = header.policy_session != before_->policy_session && before_->policy_session != 0;
+    const std::uint8_t session_before = before_->seats[Seat::policy].session;
+    clue.is_other_session = header.seats[Seat::policy].session != session_before && session_before != 0;
   } else {
     clue.replies = clue.replies_due;  // counters run since start, not since this tick
   }
   clue.slept_ms = header.slept_ms;
   clue.overrun = header.overrun_cause;
-  clue.arrival = header.arrival;
+  clue.arrival = header.seats[Seat::policy].arrival;
   clue.command_parts = parts_of_arrival(header);
   for (std::size_t bus = 0; bus < header.bus_count; ++bus) {
     const BusState state = header.buses[bus].state;
@@ -344,8 +345,9 @@ FaultClue FaultClassifier::clue_of(const TickRecord& record) {
   clue.target_clamped = clue.target_clamped && relied && header.player == Player::policy;
   const WrongContent content = content_.tick(record);
   if (relied) clue.content = content;
-  clue.is_miss = relied && !is_usable(header.freshness);
-  const bool refused = is_refused_for_age(header.arrival) || is_refused_for_content(header.arrival);
+  clue.is_miss = relied && !is_usable(header.seats[Seat::policy].freshness);
+  const bool refused = is_refused_for_age(header.seats[Seat::policy].arrival) ||
+                       is_refused_for_content(header.seats[Seat::policy].arrival);
   const bool lost_period = clue.overrun != OverrunCause::none || clue.skipped != 0;
   const bool is_wrong = refused || clue.ran_backwards != 0 || clue.target_clamped || clue.content.is_trouble;
   clue.is_trouble = enters_trouble(header) || (relied && (clue.is_miss || is_wrong || lost_period));

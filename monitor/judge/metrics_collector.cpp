@@ -46,15 +46,15 @@ void MetricsCollector::tick(const TickRecord& record) {
   count(metrics_.ticks_of_player, header.player);
   if (header.player == Player::policy) ++metrics_.ticks_of_policy[header.command_policy];
   if (header.candidate.policy_hash != 0) candidate(header);
-  count(metrics_.arrivals, header.arrival);
+  count(metrics_.arrivals, header.seats[Seat::policy].arrival);
   count(metrics_.overruns, header.overrun_cause);
   for (std::size_t joint = 0; joint < header.joint_count; ++joint) interventions(record.joints[joint].interventions);
   if (header.mode != header.previous_mode) transition(header);
   if (header.operator_request == OperatorRequest::mark) mark(header);
   const bool relies = header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded;
   if (relies) relied(header);
-  const bool has_fallback = header.fallback.session != 0;  // attached once: arming waits for it
-  if (relies && has_fallback && !is_usable(header.fallback.freshness)) ++metrics_.ticks_without_fallback;
+  const bool has_fallback = header.seats[Seat::fallback].session != 0;  // attached once: arming waits for it
+  if (relies && has_fallback && !is_usable(header.seats[Seat::fallback].freshness)) ++metrics_.ticks_without_fallback;
   last_ = header;
 }
 
@@ -129,37 +129,38 @@ void MetricsCollector::candidate(const TickRecordHeader& header) {
   }
   if (!metrics_.candidate) metrics_.candidate.emplace();
   CandidateMetrics& metrics = *metrics_.candidate;
-  count(metrics.arrivals, record.arrival);
+  const SeatRecord& seat = header.seats[Seat::candidate];
+  count(metrics.arrivals, seat.arrival);
   if (header.mode != Mode::tracking) return;
   ++metrics.ticks;
-  if (!is_usable(record.freshness)) return;
+  if (!is_usable(seat.freshness)) return;
   ++metrics.fresh_ticks;
   if (record.beyond_range != 0) ++metrics.ticks_beyond_range;
   if (record.beyond_limits != 0) ++metrics.ticks_beyond_limits;
-  candidate_age_.push_back(record.age.ns);
+  candidate_age_.push_back(seat.age.ns);
   if (header.player == Player::policy)
     candidate_distance_.push_back(static_cast<std::int64_t>(static_cast<double>(record.distance) * 1e9));
 }
 
 void MetricsCollector::relied(const TickRecordHeader& header) {
   ++metrics_.relied_ticks;
-  if (!is_usable(header.freshness)) ++tick_misses_;
-  if (header.freshness != Freshness::missing) add(per_tick_, header.age);
+  if (!is_usable(header.seats[Seat::policy].freshness)) ++tick_misses_;
+  if (header.seats[Seat::policy].freshness != Freshness::missing) add(per_tick_, header.age);
   if (is_first_use(header)) add(per_command_, header.age);
   command(header);
 }
 
 void MetricsCollector::command(const TickRecordHeader& header) {
-  const std::pair in_use{header.policy_session, header.command_sequence};
-  if (header.command_sequence != 0) {
+  const std::pair in_use{header.seats[Seat::policy].session, header.seats[Seat::policy].command_sequence};
+  if (header.seats[Seat::policy].command_sequence != 0) {
     if (in_use != in_use_) {
       in_use_ = in_use;
       in_use_at_ = commands_.size();
       commands_.push_back(header.age.total().ns);
     }
-    if (!is_usable(header.freshness)) commands_[in_use_at_] = kMissed;
+    if (!is_usable(header.seats[Seat::policy].freshness)) commands_[in_use_at_] = kMissed;
   }
-  if (header.arrival == Arrival::expired_observation) commands_.push_back(kMissed);
+  if (header.seats[Seat::policy].arrival == Arrival::expired_observation) commands_.push_back(kMissed);
 }
 
 }  // namespace takt::monitor

@@ -11,7 +11,7 @@ std::optional<Duration> age_of_played(const TickRecordHeader& tick) noexcept {
     case Player::policy:
       return tick.age.total();
     case Player::fallback:
-      return tick.fallback.age;
+      return tick.seats[Seat::fallback].age;
     case Player::none:
     case Player::candidate:
       break;

@@ -42,14 +42,14 @@ Diagnostic diagnose_executive(const RobotStatus& status, const config::RobotConf
   if (status.cause != Cause::none) message += fmt::format(": {}", takt::name(status.cause));
   if (!status.detail.empty()) message += fmt::format(": {}", status.detail);
   if (!status.incident.empty()) message = status.incident;
-  const bool has_age = header.freshness != Freshness::missing;
+  const bool has_age = header.seats[Seat::policy].freshness != Freshness::missing;
   return {level_of(header.mode),
           robot.robot + ": executive",
           message,
           {{"mode", std::string(takt::name(header.mode))},
            {"cause", std::string(takt::name(status.cause))},
            {"causes active", causes_active(header)},
-           {"freshness", std::string(takt::name(header.freshness))},
+           {"freshness", std::string(takt::name(header.seats[Seat::policy].freshness))},
            {"age", has_age ? fmt::format("{:.3f} ms", header.age.total().milliseconds()) : "none"},
            {"misses", fmt::format("{} of {} ticks", header.window_misses, header.window_ticks)},
            {"overruns", fmt::format("{}", status.overruns)},

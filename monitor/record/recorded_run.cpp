@@ -126,7 +126,7 @@ class Scan {
         return refuse(reading, fmt::format("has {} in tick {}, which this version does not know", done.error(),
                                            tick_.record.header.tick));
     TickRecordHeader& header = tick_.record.header;
-    if (only_policy_plays_ && header.mode == Mode::tracking && is_usable(header.freshness))
+    if (only_policy_plays_ && header.mode == Mode::tracking && is_usable(header.seats[Seat::policy].freshness))
       header.player = Player::policy;
     // It was made of bytes that lay otherwise.
     if (report.is_of_other_layout) tick_.crc = crc_of(tick_.record);

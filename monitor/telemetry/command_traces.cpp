@@ -10,10 +10,10 @@ constexpr std::size_t kMostTicks = 16'384;  // frames run ahead of ticks by a ri
 
 CommandTrace refused(const TickRecordHeader& header) {
   return {.tick = header.tick,
-          .sequence = header.command_sequence_seen,
-          .policy_session = header.policy_session,
+          .sequence = header.seats[Seat::policy].command_sequence_seen,
+          .policy_session = header.seats[Seat::policy].session,
           .mode = header.mode,
-          .arrival = header.arrival,
+          .arrival = header.seats[Seat::policy].arrival,
           .sensed_at = header.now,
           .observed_at = header.now,
           .infer_began_at = header.now,
@@ -37,12 +37,12 @@ void CommandTraces::tick(const TickRecord& record) {
   const auto found = sent_.find(header.tick);
   const Sent sent = found == sent_.end() ? Sent{header.now, header.now} : found->second;
   sent_.erase(sent_.begin(), sent_.upper_bound(header.tick));
-  if (is_refusal(header.arrival)) return out_(refused(header));
+  if (is_refusal(header.seats[Seat::policy].arrival)) return out_(refused(header));
   if (!is_first_use(header)) return;
   CommandTrace trace{.tick = header.tick,
-                     .sequence = header.command_sequence,
-                     .observation = header.observation_answered,
-                     .policy_session = header.policy_session,
+                     .sequence = header.seats[Seat::policy].command_sequence,
+                     .observation = header.seats[Seat::policy].observation_answered,
+                     .policy_session = header.seats[Seat::policy].session,
                      .mode = header.mode,
                      .sensed_at = header.now - header.age.total()};
   trace.observed_at = trace.sensed_at + header.age.sense;

@@ -75,15 +75,15 @@ void LiveMetrics::tick(const TickRecord& record) {
   lateness.observe(header.lateness);
   work.observe(header.last_duration);
   on_wire(header);
-  count(arrivals, header.arrival);
+  count(arrivals, header.seats[Seat::policy].arrival);
   count(overruns, header.overrun_cause);
   count(policy_changes, header.candidate.change);
   if (newest.tick != 0) skipped_periods += header.skipped_periods - newest.skipped_periods;
   if (header.mode != header.previous_mode) ++transitions[{header.mode, header.cause}];
   if (header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded) {
     ++relied_ticks;
-    if (!is_usable(header.freshness)) ++deadline_misses;
-    if (header.freshness != Freshness::missing) age.observe(header.age.total());
+    if (!is_usable(header.seats[Seat::policy].freshness)) ++deadline_misses;
+    if (header.seats[Seat::policy].freshness != Freshness::missing) age.observe(header.age.total());
   }
   if (is_first_use(header)) {
     const std::array<Duration, kAgeStageCount> parts{header.age.sense, header.age.queue, header.age.infer,

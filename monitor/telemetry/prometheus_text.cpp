@@ -116,8 +116,8 @@ void modes(Exposition& out, const LiveMetrics& metrics) {
   }
   out.family("takt_fallback_usable", "gauge",
              "1 while the fallback policy's command is fresh; none of a robot without one.");
-  if (metrics.newest.fallback.session != 0)
-    out.sample(metrics.running && is_usable(metrics.newest.fallback.freshness) ? 1 : 0);
+  if (metrics.newest.seats[Seat::fallback].session != 0)
+    out.sample(metrics.running && is_usable(metrics.newest.seats[Seat::fallback].freshness) ? 1 : 0);
   out.family("takt_candidate_in_charge", "gauge",
              "1 while a candidate is in charge of the robot, 0 while it runs beside its policy; none before one came.");
   if (metrics.newest.candidate.policy_hash != 0)

@@ -24,7 +24,7 @@ Stage Probation::look(Duration now, const std::optional<StatusSnapshot>& status)
     stage_ = end(Stage::failed, "the executive restarted");
   } else if (status->monitor_pid == 0) {
     stage_ = end(Stage::failed, "the monitor has left: nothing is recorded (journalctl -u takt-monitor)");
-  } else if (wanted_.fallback && status->fallback_pid == 0) {
+  } else if (wanted_.fallback && status->policy_pids[Seat::fallback] == 0) {
     stage_ = end(
         Stage::failed,
         "the fallback policy's host has left: no policy would take over (journalctl -u takt-policy-host-fallback@*)");
@@ -40,9 +40,9 @@ Stage Probation::start(Duration now, const std::optional<StatusSnapshot>& status
   std::string_view missing;
   if (!status)
     missing = "no executive answers";
-  else if (wanted_.policy && status->policy_pid == 0)
+  else if (wanted_.policy && status->policy_pids[Seat::policy] == 0)
     missing = "no policy is attached to the executive";
-  else if (wanted_.fallback && status->fallback_pid == 0)
+  else if (wanted_.fallback && status->policy_pids[Seat::fallback] == 0)
     missing = "no fallback policy is attached to the executive";
   else if (status->monitor_pid == 0)
     missing = "no monitor is attached to the executive";

@@ -186,9 +186,9 @@ class Loop {
     pipeline::control_tick(*state_, input_, config, *output_);
     if (output_->observation_due) observations_.publish(writable_bytes(output_->observation));
     ticks_.publish(writable_bytes(output_->record).first(output_->record.used_bytes()));
-    if (input_.policy.command != nullptr) {
+    if (input_.messages[Seat::policy].command != nullptr) {
       CommandTag tag{input_.tick, 0, 0};
-      messages_.publish(writable_bytes(tag), writable_bytes(*chunk_).first(input_.policy.bytes));
+      messages_.publish(writable_bytes(tag), writable_bytes(*chunk_).first(input_.messages[Seat::policy].bytes));
     }
   }
 
@@ -203,15 +203,15 @@ class Loop {
   }
 
   void read_command() {
-    input_.policy.mailbox = Arrival::none;
-    input_.policy.command = nullptr;
-    input_.policy.bytes = 0;
+    input_.messages[Seat::policy].mailbox = Arrival::none;
+    input_.messages[Seat::policy].command = nullptr;
+    input_.messages[Seat::policy].bytes = 0;
     if (!commands_) return;
     const ipc::ReadResult result = commands_->read_latest(writable_bytes(*chunk_));
     if (result.status != ipc::ReadStatus::fresh) return;
-    input_.policy.mailbox = Arrival::accepted;
-    input_.policy.command = chunk_.get();
-    input_.policy.bytes = result.size;
+    input_.messages[Seat::policy].mailbox = Arrival::accepted;
+    input_.messages[Seat::policy].command = chunk_.get();
+    input_.messages[Seat::policy].bytes = result.size;
   }
 
   std::uint32_t joints_;

@@ -517,8 +517,8 @@ TEST_F(ClientTest, OfTwoAlternativesTheOneThatCameTrueIsPlayed) {
   EXPECT_EQ(counts.unmatched, 1U);
   rig.now = std::max(now(), rig.now);
   rig.tick(command.get());
-  ASSERT_EQ(name(rig.header().arrival), "accepted");
-  EXPECT_EQ(rig.header().command_sequence, 1U);
+  ASSERT_EQ(name(rig.header().seats[Seat::policy].arrival), "accepted");
+  EXPECT_EQ(rig.header().seats[Seat::policy].command_sequence, 1U);
   EXPECT_EQ(command->values[0], 0.04F);
   EXPECT_GE(rig.header().age.total(), rig.now - first) << "no younger than the samples that it rests on";
 }

@@ -159,15 +159,15 @@ std::expected<std::vector<Instant>, std::string> measure_silence() {
   Robot robot(config);
   robot.track();
   robot.speaks = false;
-  const std::uint64_t answered = robot.header().observation_answered;
+  const std::uint64_t answered = robot.header().seats[Seat::policy].observation_answered;
   std::vector<Instant> instants;
   const auto note = [&](std::string_view what) {
     instants.push_back({(robot.now - robot.sensed_at[answered]).milliseconds(), what});
   };
   for (int tick = 0; tick < 3000 && instants.size() < 4; ++tick) {
     robot.go(1);
-    if (instants.empty() && robot.header().freshness == Freshness::aging) note("aging");
-    if (instants.size() == 1 && !is_usable(robot.header().freshness)) note("stale");
+    if (instants.empty() && robot.header().seats[Seat::policy].freshness == Freshness::aging) note("aging");
+    if (instants.size() == 1 && !is_usable(robot.header().seats[Seat::policy].freshness)) note("stale");
     if (instants.size() == 2 && robot.header().cause == Cause::command_late) note("command_late");
     if (instants.size() == 3 && robot.header().cause == Cause::command_lost) note("command_lost");
   }

@@ -16,11 +16,11 @@ constexpr int kPatience = 3000;  // ticks
 void Robot::go(int ticks, OperatorRequest request) {
   for (int i = 0; i < ticks; ++i) {
     const bool due = newest_observation != 0 && out->observation_due;
-    input.fallback.mailbox = Arrival::none;
-    input.fallback.command = nullptr;
+    input.messages[Seat::fallback].mailbox = Arrival::none;
+    input.messages[Seat::fallback].command = nullptr;
     if (due && fallback_speaks) {
       *second_ = answer(fallback_wants, config.fallback_policy.hash);
-      input.fallback = {Arrival::accepted, 0, second_.get(), second_->used_bytes()};
+      input.messages[Seat::fallback] = {Arrival::accepted, 0, second_.get(), second_->used_bytes()};
     }
     if (due && speaks) *first_ = answer(wants, config.policy.hash);
     tick(due && speaks ? first_.get() : nullptr, i == 0 ? request : OperatorRequest::none);
@@ -32,7 +32,7 @@ void Robot::go_until(Mode wanted) {
 }
 
 void Robot::go_until_unusable() {
-  for (int i = 0; i < kPatience && is_usable(header().freshness); ++i) go(1);
+  for (int i = 0; i < kPatience && is_usable(header().seats[Seat::policy].freshness); ++i) go(1);
 }
 
 void Robot::track() {

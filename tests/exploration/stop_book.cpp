@@ -75,7 +75,8 @@ void StopBook::judge(const TickRecordHeader& header) {
     breaks(fmt::format("stop_by_policy: the {} moves a stopped robot", name(header.player)));
   if (header.mode == Mode::damped_stop && falls_back && way_ != StopHow::policy)
     breaks(fmt::format("stop_by_policy: the fallback policy moves a robot that {} stopped", name(cause_)));
-  if (falls_back && header.fallback.freshness != Freshness::fresh && header.fallback.freshness != Freshness::aging)
+  if (falls_back && header.seats[Seat::fallback].freshness != Freshness::fresh &&
+      header.seats[Seat::fallback].freshness != Freshness::aging)
     breaks("stop_by_policy: the fallback policy moves the robot and has no usable command");
   const config::Fallback* const policy = config::fallback_policy_of(robot_);
   const Duration longest = policy != nullptr ? policy->longest : Duration{};

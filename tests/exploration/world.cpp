@@ -459,21 +459,21 @@ World::World(const config::RobotConfig& robot, std::vector<Event> events, std::u
       rings_(Rings::take(robot.joints.size(), config_.largest_command)),
       ticks_(rings_->ticks()),
       observations_(rings_->observations()),
-      policy_(rings_->policy, mailboxes_, kPolicyHash, Happening::policy_silent, kPolicyKd),
-      fallback_(rings_->fallback, fallback_mailboxes_, kFallbackHash, Happening::fallback_silent, kFallbackKd) {
+      policy_(rings_->policy, mailboxes_[Seat::policy], kPolicyHash, Happening::policy_silent, kPolicyKd),
+      fallback_(rings_->fallback, mailboxes_[Seat::fallback], kFallbackHash, Happening::fallback_silent, kFallbackKd) {
   for (const Event& event : events_) drawn_ |= std::uint64_t{1} << static_cast<unsigned>(event.what);
   advance_to(kStart);
   lies_ = std::ranges::any_of(events_, is_lie, &Event::what);
   if (std::ranges::any_of(events_, is_of_candidate, &Event::what))
-    candidate_ = std::make_unique<Policy>(rings_->candidate, candidate_mailboxes_, kCandidateHash,
+    candidate_ = std::make_unique<Policy>(rings_->candidate, mailboxes_[Seat::candidate], kCandidateHash,
                                           Happening::candidate_silent, kCandidateKd);
   ipc::Segment seen = rings_->imu.seen();
   const ipc::SlotReader reader = rings_->imu.reader(seen);
   imu_mailboxes_.want(std::make_unique<runtime::ImuMailbox>(std::move(seen), reader));
-  loop_ = std::make_unique<runtime::CyclicLoop>(
-      runtime::LoopParts{config_, *clock_, edge_, mailboxes_, fallback_mailboxes_, candidate_mailboxes_, requests_,
-                         recorded_, rings_->published, board_, &imu_mailboxes_},
-      runtime::LoopTiming{{}, {}, 1'000'000});
+  loop_ =
+      std::make_unique<runtime::CyclicLoop>(runtime::LoopParts{config_, *clock_, edge_, mailboxes_, requests_,
+                                                               recorded_, rings_->published, board_, &imu_mailboxes_},
+                                            runtime::LoopTiming{{}, {}, 1'000'000});
 }
 
 World::~World() {

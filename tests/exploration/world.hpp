@@ -213,7 +213,7 @@ class World {
   pipeline::TickConfig config_;
   std::unique_ptr<VirtualClock> clock_;
   runtime::DriveEdge edge_;
-  runtime::MailboxHandover mailboxes_, fallback_mailboxes_, candidate_mailboxes_;
+  PerSeat<runtime::MailboxHandover> mailboxes_;
   runtime::OperatorInbox requests_;
   runtime::RecordedThrough recorded_;
   runtime::StatusBoard board_;

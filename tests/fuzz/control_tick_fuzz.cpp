@@ -69,7 +69,8 @@ void check(const TickOutput& output, const TickConfig& config) {
     check(output.damping[j], config.joints[j].limits);
     require(output.damping[j].kp == 0);
   }
-  require(output.record.header.freshness == Freshness::missing || output.record.header.age.total() >= Duration{0});
+  require(output.record.header.seats[Seat::policy].freshness == Freshness::missing ||
+          output.record.header.age.total() >= Duration{0});
   require(!output.valid_until.is_set() || (output.valid_until >= output.record.header.now &&
                                            output.valid_until <= output.record.header.now + config.freshness.max_age));
 }
@@ -89,8 +90,8 @@ class Session {
     input_.last_damped = (what & 32U) != 0 ? source.byte() : 0;
     feed_back(source, (what & 4U) != 0);
     if (config_.imu.present) sense_base(source, (what & 64U) != 0);
-    input_.policy.mailbox = Arrival::none;
-    input_.policy.command = nullptr;
+    input_.messages[Seat::policy].mailbox = Arrival::none;
+    input_.messages[Seat::policy].command = nullptr;
     if ((what & 8U) != 0) give_message(source, (what & 16U) != 0);
     control_tick(*state_, input_, config_, *output_);
     if (output_->observation_due) observation_ = output_->observation;
@@ -127,13 +128,13 @@ class Session {
     header.fields = static_cast<std::uint8_t>(1U | (source.byte() & 31U));
     if (behind_a_sound_header) {
       source.copy_to(chunk_->values, 4 * chunk_->value_count());
-      input_.policy.bytes = chunk_->used_bytes();
+      input_.messages[Seat::policy].bytes = chunk_->used_bytes();
     } else {
-      input_.policy.bytes = std::size_t{source.byte()} * 4;
-      source.copy_to(chunk_.get(), input_.policy.bytes);
+      input_.messages[Seat::policy].bytes = std::size_t{source.byte()} * 4;
+      source.copy_to(chunk_.get(), input_.messages[Seat::policy].bytes);
     }
-    input_.policy.mailbox = Arrival::accepted;
-    input_.policy.command = chunk_.get();
+    input_.messages[Seat::policy].mailbox = Arrival::accepted;
+    input_.messages[Seat::policy].command = chunk_.get();
   }
 
   TickConfig config_ = fuzzed_robot();

@@ -46,7 +46,7 @@ class CandidateProcess : public testing::Test {
   bool wait_for_fresh_candidate() const {
     return robot_
         .wait_until([](const StatusSnapshot& s) {
-          return s.candidate_pid != 0 && s.tick.candidate.freshness == Freshness::fresh;
+          return s.policy_pids[Seat::candidate] != 0 && s.tick.seats[Seat::candidate].freshness == Freshness::fresh;
         })
         .has_value();
   }
@@ -80,7 +80,7 @@ TEST_F(CandidateProcess, ShadowSwapBackAndAKillInBetween) {
   EXPECT_EQ(candidate().in_charge, 0);
 
   ASSERT_TRUE(ask("swap")) << robot_.logs();
-  kill(static_cast<pid_t>(robot_.status()->status.candidate_pid), SIGKILL);
+  kill(static_cast<pid_t>(robot_.status()->status.policy_pids[Seat::candidate]), SIGKILL);
   EXPECT_TRUE(robot_.wait_until([](const StatusSnapshot& s) { return s.tick.candidate.in_charge == 0; }));
   EXPECT_EQ(beside.wait(std::chrono::seconds(20)), 1);
   EXPECT_NE(text_of(robot_.directory() + "/shadow.log").find("killed by SIGKILL"), std::string::npos);
@@ -101,7 +101,8 @@ TEST_F(CandidateProcess, ShadowSwapBackAndAKillInBetween) {
 // Goal: nobody takes another candidate's figures for its own. Method: a second one beside the first.
 TEST_F(CandidateProcess, ASecondOneIsRefusedAndTheFirstGoesOn) {
   Child policy = robot_.start_policy_host();
-  ASSERT_TRUE(robot_.wait_until([](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh; }));
+  ASSERT_TRUE(robot_.wait_until(
+      [](const StatusSnapshot& s) { return s.tick.seats[Seat::policy].freshness == Freshness::fresh; }));
   Child first = shadow(retrained());
   ASSERT_TRUE(wait_for_fresh_candidate()) << robot_.logs();
   const std::string log = robot_.directory() + "/second.log";
@@ -109,10 +110,11 @@ TEST_F(CandidateProcess, ASecondOneIsRefusedAndTheFirstGoesOn) {
                 robot_.directory()},
                log);
   EXPECT_EQ(second.wait(std::chrono::seconds(20)), 1);
-  EXPECT_NE(text_of(log).find("a candidate runs already, pid " + std::to_string(robot_.status()->status.candidate_pid)),
+  EXPECT_NE(text_of(log).find("a candidate runs already, pid " +
+                              std::to_string(robot_.status()->status.policy_pids[Seat::candidate])),
             std::string::npos)
       << text_of(log);
-  EXPECT_EQ(candidate().freshness, Freshness::fresh);
+  EXPECT_EQ(robot_.status()->status.tick.seats[Seat::candidate].freshness, Freshness::fresh);
   first.signal(SIGINT);
   EXPECT_EQ(first.wait(std::chrono::seconds(20)), 0);
   EXPECT_TRUE(robot_.finish());
@@ -142,7 +144,8 @@ TEST_F(CandidateProcess, AProgramOfOnesOwnIsKeptOffTheExecutivesProcessor) {
   if (sched_getaffinity(0, sizeof mine, &mine) != 0 || CPU_COUNT(&mine) < 2 || !CPU_ISSET(kControlCpu, &mine))
     GTEST_SKIP() << "NOT TESTED: needs processor 1 and another";
   Child policy = robot_.start_policy_host();
-  ASSERT_TRUE(robot_.wait_until([](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh; }));
+  ASSERT_TRUE(robot_.wait_until(
+      [](const StatusSnapshot& s) { return s.tick.seats[Seat::policy].freshness == Freshness::fresh; }));
   const std::string program = robot_.directory() + "/candidate.py";
   std::ofstream(program) << "#!/usr/bin/python3\nimport os\nprint('may run on 1:', 1 in os.sched_getaffinity(0))\n";
   std::filesystem::permissions(program, std::filesystem::perms::owner_all);
@@ -157,7 +160,8 @@ TEST_F(CandidateProcess, AProgramOfOnesOwnIsKeptOffTheExecutivesProcessor) {
 
 TEST_F(CandidateProcess, APolicyThatDoesNotFitIsRefusedBesideToo) {
   Child policy = robot_.start_policy_host();
-  ASSERT_TRUE(robot_.wait_until([](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh; }));
+  ASSERT_TRUE(robot_.wait_until(
+      [](const StatusSnapshot& s) { return s.tick.seats[Seat::policy].freshness == Freshness::fresh; }));
   Child beside = shadow("config/cart_pole_balance.onnx");
   EXPECT_EQ(beside.wait(std::chrono::seconds(30)), 1);
   const std::string said = text_of(robot_.directory() + "/shadow.log");

@@ -147,15 +147,15 @@ void expect_as_recorded(const FastStatus& told, const Records& records) {
   const TickRecordHeader& header = record->second.header;
   EXPECT_EQ(told.unix_ns, header.now.ns + records.offset_ns);
   EXPECT_EQ(told.mode, name(header.mode));
-  EXPECT_EQ(told.freshness, name(header.freshness));
+  EXPECT_EQ(told.freshness, name(header.seats[Seat::policy].freshness));
   EXPECT_EQ(told.age_ns, header.age.total().ns);
   EXPECT_EQ(told.window_misses, header.window_misses);
   EXPECT_EQ(told.window_ticks, header.window_ticks);
   EXPECT_EQ(told.skipped_periods, header.skipped_periods);
   EXPECT_EQ(told.refused_commands, header.refused_commands);
   EXPECT_EQ(told.integration_errors, header.integration_errors);
-  EXPECT_EQ(told.command_sequence, header.command_sequence);
-  EXPECT_EQ(told.observation_answered, header.observation_answered);
+  EXPECT_EQ(told.command_sequence, header.seats[Seat::policy].command_sequence);
+  EXPECT_EQ(told.observation_answered, header.seats[Seat::policy].observation_answered);
   EXPECT_EQ(told.drives_enabled, header.drives_enabled != 0);
 }
 
@@ -163,10 +163,10 @@ void expect_as_recorded(const FastCommandAge& told, const Records& records) {
   const auto record = records.by_tick.find(told.tick);
   ASSERT_NE(record, records.by_tick.end()) << told.tick;
   const TickRecordHeader& header = record->second.header;
-  EXPECT_EQ(header.arrival, Arrival::accepted) << "first use";
+  EXPECT_EQ(header.seats[Seat::policy].arrival, Arrival::accepted) << "first use";
   EXPECT_EQ(told.unix_ns, header.now.ns + records.offset_ns);
-  EXPECT_EQ(told.command_sequence, header.command_sequence);
-  EXPECT_EQ(told.observation_id, header.observation_answered);
+  EXPECT_EQ(told.command_sequence, header.seats[Seat::policy].command_sequence);
+  EXPECT_EQ(told.observation_id, header.seats[Seat::policy].observation_answered);
   EXPECT_EQ(told.sense_ns, header.age.sense.ns);
   EXPECT_EQ(told.queue_ns, header.age.queue.ns);
   EXPECT_EQ(told.infer_ns, header.age.infer.ns);
@@ -204,7 +204,7 @@ TEST_F(DdsTest, AnotherVendorsDdsHearsWhatWasRecorded) {
   const auto socket = robot_->status();
   ASSERT_TRUE(socket.has_value());
   EXPECT_LE(told->tick, socket->status.tick.tick);
-  EXPECT_LE(told->command_sequence, socket->status.tick.command_sequence);
+  EXPECT_LE(told->command_sequence, socket->status.tick.seats[Seat::policy].command_sequence);
 
   const auto writers = peer_->writers();
   expect_announced(writers, kJointStates, "sensor_msgs", "JointState");

@@ -50,7 +50,8 @@ TEST(FallbackPolicyProcess, EitherHostMayGoAndComeBackAndBothGoneStops) {
   const std::string file = arm_with_fallback();
   RunningRobot robot({}, file);
   Child policy = robot.start_policy_host();
-  EXPECT_TRUE(robot.wait_until([](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh; }));
+  EXPECT_TRUE(robot.wait_until(
+      [](const StatusSnapshot& s) { return s.tick.seats[Seat::policy].freshness == Freshness::fresh; }));
   const auto refused = robot.takt({"arm", "--runtime-dir", robot.directory()});
   EXPECT_FALSE(refused) << "the fallback policy is not there yet";
   Child fallback = robot.start_fallback_host();
@@ -77,7 +78,8 @@ TEST(FallbackPolicyProcess, EitherHostMayGoAndComeBackAndBothGoneStops) {
   robot.let_run(1500);
   EXPECT_EQ(robot.status()->status.tick.mode, Mode::tracking) << robot.logs();
   fallback = robot.start_fallback_host();
-  ASSERT_TRUE(robot.wait_until([](const StatusSnapshot& s) { return s.tick.fallback.freshness == Freshness::fresh; }));
+  ASSERT_TRUE(robot.wait_until(
+      [](const StatusSnapshot& s) { return s.tick.seats[Seat::fallback].freshness == Freshness::fresh; }));
 
   policy.signal(SIGKILL);
   ASSERT_TRUE(wait_for_player(robot, Player::fallback)) << robot.logs();

@@ -99,7 +99,8 @@ TEST(PolicyFaults, SecondPolicyHostIsRefusedByName) {
   EXPECT_NE(said.find(std::to_string(policy.pid())), std::string::npos) << said;
   const auto status = robot.status();
   ASSERT_TRUE(status.has_value());
-  EXPECT_EQ(status->status.policy_pid, static_cast<std::uint64_t>(policy.pid())) << "the first lease must survive";
+  EXPECT_EQ(status->status.policy_pids[Seat::policy], static_cast<std::uint64_t>(policy.pid()))
+      << "the first lease must survive";
 }
 
 TEST(MonitorFaults, KilledMonitorStopsTheRobotAndMayComeBack) {

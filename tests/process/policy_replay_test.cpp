@@ -72,8 +72,9 @@ void copy_altered(const std::string& from, const std::string& to) {
 TEST(PolicyReplayProcess, ARunIsReplayedThroughItsNetworkAndThroughAnother) {
   RunningRobot robot;
   Child policy = robot.start_policy_host();
-  ASSERT_TRUE(robot.wait_until(
-      [](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh && s.tick.recorded_through != 0; }));
+  ASSERT_TRUE(robot.wait_until([](const StatusSnapshot& s) {
+    return s.tick.seats[Seat::policy].freshness == Freshness::fresh && s.tick.recorded_through != 0;
+  }));
   policy.signal(SIGKILL);
   EXPECT_EQ(policy.wait(std::chrono::seconds(20)), 128 + SIGKILL);
   policy = robot.start_policy_host();
@@ -112,8 +113,9 @@ TEST(PolicyReplayProcess, ARunIsReplayedThroughItsNetworkAndThroughAnother) {
 TEST(PolicyReplayProcess, ARunThatRecordsNoInputsSaysSo) {
   RunningRobot robot({}, "config/arm6.yaml", {{"record.policy_inputs", "false"}});
   const Child policy = robot.start_policy_host();
-  ASSERT_TRUE(robot.wait_until(
-      [](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh && s.tick.recorded_through != 0; }));
+  ASSERT_TRUE(robot.wait_until([](const StatusSnapshot& s) {
+    return s.tick.seats[Seat::policy].freshness == Freshness::fresh && s.tick.recorded_through != 0;
+  }));
   ASSERT_TRUE(robot.finish()) << robot.logs();
   const Judged judged = replay_policy(robot, robot.run_directory(), {});
   EXPECT_EQ(judged.exit_code, 1);

@@ -230,8 +230,9 @@ TEST_F(TelemetryTest, OpenTelemetryIsToldTheRecordedAges) {
                                                    const TickRecordHeader& header = tick.record.header;
                                                    const auto number = static_cast<std::int64_t>(header.tick);
                                                    by_tick[number] = header;
-                                                   const bool is_read = header.arrival == Arrival::accepted ||
-                                                                        is_refusal(header.arrival);
+                                                   const bool is_read =
+                                                       header.seats[Seat::policy].arrival == Arrival::accepted ||
+                                                       is_refusal(header.seats[Seat::policy].arrival);
                                                    messages += number >= begin && is_read ? 1U : 0U;
                                                  },
                                              .command = {},
@@ -244,12 +245,12 @@ TEST_F(TelemetryTest, OpenTelemetryIsToldTheRecordedAges) {
     ASSERT_NE(found, by_tick.end());
     const TickRecordHeader& header = found->second;
     // On a busy machine an answer to what was published before the robot armed may come, and is refused.
-    EXPECT_EQ(span.contains("status"), is_refusal(header.arrival));
+    EXPECT_EQ(span.contains("status"), is_refusal(header.seats[Seat::policy].arrival));
     if (span.contains("status")) {
-      EXPECT_EQ(span.at("status").at("message"), "refused: " + std::string(name(header.arrival)));
+      EXPECT_EQ(span.at("status").at("message"), "refused: " + std::string(name(header.seats[Seat::policy].arrival)));
       continue;
     }
-    EXPECT_EQ(attribute(span, "takt.sequence"), static_cast<std::int64_t>(header.command_sequence));
+    EXPECT_EQ(attribute(span, "takt.sequence"), static_cast<std::int64_t>(header.seats[Seat::policy].command_sequence));
     EXPECT_EQ(attribute(span, "takt.age_ns"), header.age.total().ns);
     EXPECT_EQ(std::stoll(span.at("startTimeUnixNano").get<std::string>()),
               (header.now - header.age.total()).ns + run->manifest.clock.monotonic_to_unix_ns);

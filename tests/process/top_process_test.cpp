@@ -84,7 +84,7 @@ TEST_F(TopTest, ItsKeysArmMarkAndStop) {
   EXPECT_EQ(robot_.status()->status.tick.mode, Mode::standby) << "not confirmed";
 
   const Child policy = robot_.start_policy_host();
-  ASSERT_TRUE(robot_.wait_until([](const StatusSnapshot& status) { return status.policy_pid != 0; }));
+  ASSERT_TRUE(robot_.wait_until([](const StatusSnapshot& status) { return status.policy_pids[Seat::policy] != 0; }));
   arm();
   EXPECT_TRUE(tmux_->shows("arm6  TRACKING")) << tmux_->screen();
   const auto robot = config::load("config/arm6.yaml").value();

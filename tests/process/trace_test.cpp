@@ -153,7 +153,7 @@ class TraceTest : public testing::Test {
       const auto record = records.find(end.number("tick"));
       ASSERT_NE(record, records.end()) << end.number("tick");
       EXPECT_EQ(end.number("age_ns"), record->second.age.total().ns);
-      EXPECT_EQ(end.number("sequence"), static_cast<std::int64_t>(record->second.command_sequence));
+      EXPECT_EQ(end.number("sequence"), static_cast<std::int64_t>(record->second.seats[Seat::policy].command_sequence));
       EXPECT_EQ(end.number("mode"), static_cast<std::int64_t>(record->second.mode));
     }
     for (const Event& consumed : trace.at("command_consumed")) {

@@ -136,8 +136,9 @@ TEST(VisionPolicy, TurnsAfterWhatItSeesAndSaysHowOldThatWas) {
     const Child policy = robot.start_policy_host();
     std::optional<Camera> camera;
     camera.emplace(robot);
-    ASSERT_TRUE(robot.wait_until([](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh; }))
-        << robot.logs();
+    ASSERT_TRUE(robot.wait_until([](const StatusSnapshot& s) {
+      return s.tick.seats[Seat::policy].freshness == Freshness::fresh;
+    })) << robot.logs();
     ASSERT_EQ(robot.arm(), "") << robot.logs();
     ASSERT_TRUE(robot.wait_for_mode(Mode::tracking)) << robot.logs();
     robot.let_run(2000);

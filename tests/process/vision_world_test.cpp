@@ -77,8 +77,9 @@ TEST(VisionWorld, TheSameImagesAreTheSameAnswersInRealProcessesAndInVirtualTime)
   {
     RunningRobot robot({}, looking_arm(directory), {}, process.path());
     const Child policy = robot.start_policy_host();
-    ASSERT_TRUE(robot.wait_until([](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh; }))
-        << robot.logs();
+    ASSERT_TRUE(robot.wait_until([](const StatusSnapshot& s) {
+      return s.tick.seats[Seat::policy].freshness == Freshness::fresh;
+    })) << robot.logs();
     robot.let_run(3000);
     patient = config::load(robot.robot_file()).value();
     ASSERT_TRUE(robot.finish()) << robot.logs();

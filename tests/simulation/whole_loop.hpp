@@ -35,9 +35,9 @@ class WholeLoop {
     input_.operator_request = request;
     const bool answers = out->observation_due && has_policy;
     if (answers) answer();
-    input_.policy.command = answers ? chunk_.get() : nullptr;
-    input_.policy.mailbox = answers ? Arrival::accepted : Arrival::none;
-    input_.policy.bytes = answers ? chunk_->used_bytes() : 0;
+    input_.messages[Seat::policy].command = answers ? chunk_.get() : nullptr;
+    input_.messages[Seat::policy].mailbox = answers ? Arrival::accepted : Arrival::none;
+    input_.messages[Seat::policy].bytes = answers ? chunk_->used_bytes() : 0;
     pipeline::control_tick(*state_, input_, config, *out);
     speak();
     plant_.step();

@@ -49,7 +49,7 @@ class PolicyTarget {
     std::memcpy(offered_.data(), command.payload.data() + at, joints_ * sizeof(float));
   }
   void tick(const TickRecordHeader& header) {
-    if (header.arrival == Arrival::accepted && !offered_.empty()) in_use_ = offered_;
+    if (header.seats[Seat::policy].arrival == Arrival::accepted && !offered_.empty()) in_use_ = offered_;
     offered_.clear();
   }
   [[nodiscard]] std::span<const float> in_use() const { return in_use_; }

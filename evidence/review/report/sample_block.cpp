@@ -108,7 +108,7 @@ void SampleBlockBuilder::begin(double at_s, const TickContext& context) {
 
 void SampleBlockBuilder::take(const TickRecord& record) {
   const TickRecordHeader& header = record.header;
-  if (header.freshness != Freshness::missing) {
+  if (header.seats[Seat::policy].freshness != Freshness::missing) {
     const float age = ms(header.age.total());
     if (bucket_.age.empty || age > bucket_.age.most) bucket_.oldest = header.age;
     bucket_.age.add(age);

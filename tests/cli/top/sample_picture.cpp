@@ -52,7 +52,7 @@ Picture sample_picture(std::size_t joints, std::size_t buses) {
   Picture picture{.link = Link::live, .robot = "arm6", .in_mode = seconds(4), .entered_by = Cause::contract_restored};
   picture.tick.tick = 15'000;
   picture.tick.mode = Mode::tracking;
-  picture.tick.freshness = Freshness::fresh;
+  picture.tick.seats[Seat::policy].freshness = Freshness::fresh;
   picture.tick.age = {milliseconds(36), microseconds(240), microseconds(35), microseconds(722), milliseconds(7)};
   picture.tick.window_misses = 4;
   picture.tick.window_ticks = 1000;

@@ -92,7 +92,7 @@ TEST(Screen, WhatIsWrongStandsOut) {
   Picture picture = sample_picture(6, 2);
   EXPECT_EQ(style_of(render(picture, {}, {24, 80}, Glyphs::unicode), "TRACKING"), Style::good);
   picture.tick.mode = Mode::damped_stop;
-  picture.tick.freshness = Freshness::stale;
+  picture.tick.seats[Seat::policy].freshness = Freshness::stale;
   picture.tick.window_misses = 100;
   picture.tick.recorded_through = 0;
   picture.buses[0].health.state = BusState::bus_off;

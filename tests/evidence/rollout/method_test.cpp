@@ -115,7 +115,7 @@ TEST(TimeoutMethod, ReactsWithinATickAndComesBackWithTheNextCommand) {
     if (before != nullptr && before->mode != Mode::arming && header.now > before->now && header.mode != Mode::standby) {
       const bool relies = header.mode == Mode::tracking || header.mode == Mode::degraded;
       if (relies) {
-        EXPECT_EQ(header.mode == Mode::tracking, is_usable(header.freshness)) << header.tick;
+        EXPECT_EQ(header.mode == Mode::tracking, is_usable(header.seats[Seat::policy].freshness)) << header.tick;
       }
       left += header.mode == Mode::degraded && before->mode == Mode::tracking ? 1U : 0U;
       back += header.mode == Mode::tracking && before->mode == Mode::degraded ? 1U : 0U;
@@ -127,7 +127,7 @@ TEST(TimeoutMethod, ReactsWithinATickAndComesBackWithTheNextCommand) {
   // The contract itself waits for its window and comes back later.
   std::size_t tolerated = 0;
   for (const TickRecordHeader& header : headers_of(setup_of({}, "policy_freeze", 400)))
-    tolerated += header.mode == Mode::tracking && !is_usable(header.freshness) ? 1U : 0U;
+    tolerated += header.mode == Mode::tracking && !is_usable(header.seats[Seat::policy].freshness) ? 1U : 0U;
   EXPECT_GT(tolerated, 0U);
 }
 

@@ -36,7 +36,7 @@ Story story_of(std::optional<Duration> rearm_after, std::string_view perturbatio
       story.requests.push_back(header);
       story.before.push_back(before);
     }
-    before = header.freshness;
+    before = header.seats[Seat::policy].freshness;
     const bool stops = header.mode != header.previous_mode && header.mode >= Mode::damped_stop;
     if (stops && !story.stopped_at) story.stopped_at = header.now;
   };

@@ -122,10 +122,10 @@ class ScenarioRun {
   void deliver() {
     const bool due = answer_ && input_.tick >= answer_due_;
     if (due) read_ = std::move(answer_);
-    input_.policy.command = due ? read_.get() : nullptr;
-    input_.policy.mailbox = due ? Arrival::accepted : Arrival::none;
-    input_.policy.bytes = due ? read_->used_bytes() : 0;
-    input_.policy.session = 1;
+    input_.messages[Seat::policy].command = due ? read_.get() : nullptr;
+    input_.messages[Seat::policy].mailbox = due ? Arrival::accepted : Arrival::none;
+    input_.messages[Seat::policy].bytes = due ? read_->used_bytes() : 0;
+    input_.messages[Seat::policy].session = 1;
     input_.recorded_through = input_.tick;
   }
 

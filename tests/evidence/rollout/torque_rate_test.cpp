@@ -80,11 +80,12 @@ Rates walk(const config::RobotConfig& robot) {
   bool follows = false;
   const auto look = [&](const TickRecord& record) {
     const TickRecordHeader& header = record.header;
-    if (header.mode != Mode::tracking || header.player != Player::policy || header.command_sequence == 0) {
+    if (header.mode != Mode::tracking || header.player != Player::policy ||
+        header.seats[Seat::policy].command_sequence == 0) {
       follows = false;
       return;
     }
-    const std::vector<float>& action = policy.said.at(header.command_sequence - 1);
+    const std::vector<float>& action = policy.said.at(header.seats[Seat::policy].command_sequence - 1);
     for (std::size_t output = 0; output < action.size(); ++output) {
       const auto& order = robot.policy->action.joint_of_output;
       const std::size_t j = order.empty() ? output : order[output];

@@ -20,7 +20,7 @@ class IncidentTest : public testing::Test {
   IncidentTest() {
     record.header.joint_count = static_cast<std::uint32_t>(robot.joints.size());
     record.header.bus_count = static_cast<std::uint8_t>(robot.buses.size());
-    record.header.freshness = Freshness::fresh;
+    record.header.seats[Seat::policy].freshness = Freshness::fresh;
     for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
       record.joints[joint].feedback.drive_state = DriveState::enabled;
     enter(Mode::arming, Cause::operator_arm);
@@ -127,7 +127,7 @@ TEST_F(IncidentTest, TheChainLeadsBackToTheFirstDeviatingTick) {
   stay(48);  // up to tick 50
   silent = 4;
   stay(10);
-  record.header.freshness = Freshness::stale;
+  record.header.seats[Seat::policy].freshness = Freshness::stale;
   stay(10);
   const auto incident = enter(Mode::fault_latched, Cause::feedback_lost);
   ASSERT_TRUE(incident);
@@ -233,7 +233,7 @@ TEST_F(IncidentTest, GainsOutOfRangeAreToldAsGains) {
 
 // The executive sees that no command came, and not whose fault it is.
 TEST_F(IncidentTest, ASilentWireIsNotBlamedOnThePolicy) {
-  record.header.freshness = Freshness::missing;
+  record.header.seats[Seat::policy].freshness = Freshness::missing;
   stay(300);
   const auto incident = enter(Mode::damped_stop, Cause::command_lost);
   ASSERT_TRUE(incident);
@@ -306,7 +306,7 @@ struct FallbackIncident : IncidentTest {
     stand.longest = seconds(20);
     watch = IncidentWatch(robot);
     enter(Mode::tracking, Cause::drives_enabled);
-    record.header.freshness = Freshness::missing;
+    record.header.seats[Seat::policy].freshness = Freshness::missing;
     record.header.player = Player::fallback;
     enter(Mode::degraded, Cause::command_late);
   }
@@ -413,7 +413,7 @@ TEST_F(DegradedIncident, SaysThatItsTimeIsOver) {
   robot.degraded.longest = seconds(3);
   watch = IncidentWatch(robot);
   enter(Mode::tracking, Cause::drives_enabled);
-  record.header.freshness = Freshness::missing;
+  record.header.seats[Seat::policy].freshness = Freshness::missing;
   enter(Mode::degraded, Cause::command_late);
   stay(10);
   const auto incident = enter(Mode::damped_stop, Cause::degraded_spent);

@@ -66,11 +66,11 @@ class TwoHosts {
     const bool exchanged = header().candidate.in_charge != 0;
     PolicyHost& in_charge = hosts[exchanged ? kCandidate : kOwn];
     PolicyHost& beside = hosts[exchanged ? kOwn : kCandidate];
-    rig.input.candidate = message_of(beside);
+    rig.input.messages[Seat::candidate] = message_of(beside);
     if (hosts[kCandidate].session != 0) rig.input.candidate_policy = hosts[kCandidate].hash;
     rig.input.asked_policy = asked;
     const PolicyMessage message = message_of(in_charge);
-    rig.input.policy.session = message.session;
+    rig.input.messages[Seat::policy].session = message.session;
     rig.tick(message.command, request, Arrival::accepted, message.bytes);
     for (PolicyHost& host : hosts) hear(host);
     return *rig.out;
@@ -137,13 +137,13 @@ TEST(Candidate, IsJudgedAndComparedAndMovesNothing) {
   }
   const CandidateRecord& candidate = two.header().candidate;
   EXPECT_EQ(candidate.policy_hash, kCandidateHash);
-  EXPECT_EQ(candidate.freshness, Freshness::fresh);
-  EXPECT_GT(candidate.age, Duration{});
+  EXPECT_EQ(two.header().seats[Seat::candidate].freshness, Freshness::fresh);
+  EXPECT_GT(two.header().seats[Seat::candidate].age, Duration{});
   EXPECT_NEAR(candidate.distance, 0.8F, 1e-4F);
   EXPECT_EQ(candidate.in_charge, 0);
   EXPECT_EQ(two.header().command_policy, kOwnHash);
   EXPECT_EQ(two.header().player, Player::policy);
-  EXPECT_EQ(alone.header().candidate.freshness, Freshness::missing);
+  EXPECT_EQ(alone.header().seats[Seat::candidate].freshness, Freshness::missing);
 }
 
 TEST(Candidate, ToldWhereItsTargetsAndItsPathWouldBeStopped) {
@@ -171,7 +171,7 @@ TEST(Candidate, TakesOverWithItsNextAnswerAndIsConfirmed) {
   EXPECT_EQ(two.header().candidate.is_asked, 1);
   EXPECT_EQ(two.header().command_policy, kOwnHash);
   ASSERT_GE(two.run_until(PolicyChange::swapped, 30), 0);
-  EXPECT_GE(two.header().observation_answered, before);
+  EXPECT_GE(two.header().seats[Seat::policy].observation_answered, before);
   EXPECT_EQ(two.header().command_policy, kCandidateHash);
   EXPECT_EQ(two.header().candidate.on_probation, 1);
   EXPECT_EQ(two.header().candidate.is_asked, 0);
@@ -240,7 +240,7 @@ TEST(Candidate, WhoComesInsteadWasNotAskedFor) {
   two.tick();
   EXPECT_EQ(two.header().candidate.change, PolicyChange::expired);
   two.run(200);
-  EXPECT_EQ(two.header().candidate.freshness, Freshness::fresh);
+  EXPECT_EQ(two.header().seats[Seat::candidate].freshness, Freshness::fresh);
   EXPECT_FALSE(two.candidate_in_charge());
 }
 
@@ -255,7 +255,7 @@ TEST(Candidate, SilentOnProbationGoesBackBeforeTheContractIsViolated) {
   two.hosts[kCandidate].speaks = false;
   ASSERT_GE(two.run_until(PolicyChange::back_for_age, 400), 0);
   EXPECT_EQ(two.header().command_policy, kOwnHash) << "in the very tick that notices";
-  EXPECT_EQ(two.header().freshness, Freshness::fresh);
+  EXPECT_EQ(two.header().seats[Seat::policy].freshness, Freshness::fresh);
   EXPECT_EQ(two.header().player, Player::policy);
   EXPECT_FALSE(two.candidate_in_charge());
   two.run(1500);
@@ -277,7 +277,7 @@ TEST(Candidate, WhatGoesBackAfterSilenceBeginsAtTheReference) {
   two.hosts[kCandidate].speaks = false;
   ASSERT_GE(two.run_until(PolicyChange::back_for_age, 400), 0);
   const JointRecord& joint = two.rig.out->record.joints[0];
-  const float remainder = two.rig.state->join.remainder[0].q;
+  const float remainder = two.rig.state->seats[Seat::policy].join.remainder[0].q;
   EXPECT_NEAR(remainder, joint.q_reference - 0.4F, 0.01F);
   EXPECT_GT(std::abs(remainder), 0.1F) << "it was on its way to the candidate's";
 }
@@ -300,7 +300,7 @@ TEST(Candidate, RolledBackItMovesNothingThoughNothingElseDoes) {
   for (int i = 0; i < 450; ++i) {
     two.tick();
     ASSERT_EQ(two.header().player, Player::none) << i;
-    ASSERT_EQ(two.header().freshness, Freshness::missing) << i;
+    ASSERT_EQ(two.header().seats[Seat::policy].freshness, Freshness::missing) << i;
   }
   EXPECT_NEAR(two.rig.drives[0].dq, 0.0F, 0.05F);
   two.hosts[kOwn].speaks = true;
@@ -317,18 +317,18 @@ TEST(Candidate, IsRefusedAsThePolicyIs) {
   two.start_candidate();
   two.arm();
   two.run(200);
-  EXPECT_EQ(two.header().candidate.last_refusal, Arrival::none);
+  EXPECT_EQ(two.header().seats[Seat::candidate].last_refusal, Arrival::none);
   candidate.wants = std::numeric_limits<float>::quiet_NaN();
   two.run(30);
-  EXPECT_EQ(two.header().candidate.last_refusal, Arrival::not_finite);
+  EXPECT_EQ(two.header().seats[Seat::candidate].last_refusal, Arrival::not_finite);
   candidate.wants = -0.4F;
   two.run(30);
-  EXPECT_EQ(two.header().candidate.last_refusal, Arrival::none);
+  EXPECT_EQ(two.header().seats[Seat::candidate].last_refusal, Arrival::none);
   --candidate.sequence;
   two.run(20);
-  EXPECT_EQ(two.header().candidate.last_refusal, Arrival::repeated_sequence);
+  EXPECT_EQ(two.header().seats[Seat::candidate].last_refusal, Arrival::repeated_sequence);
   two.run(30);
-  EXPECT_EQ(two.header().candidate.last_refusal, Arrival::none);
+  EXPECT_EQ(two.header().seats[Seat::candidate].last_refusal, Arrival::none);
   EXPECT_EQ(two.rig.mode(), Mode::tracking);
 }
 
@@ -342,7 +342,7 @@ TEST(Candidate, TalkingNonsenseOnProbationGoesBack) {
   two.hosts[kCandidate].wants = std::numeric_limits<float>::quiet_NaN();
   ASSERT_GE(two.run_until(PolicyChange::back_for_refusals, 200), 0);
   EXPECT_EQ(two.header().command_policy, kOwnHash);
-  EXPECT_EQ(two.header().candidate.last_refusal, Arrival::not_finite);
+  EXPECT_EQ(two.header().seats[Seat::candidate].last_refusal, Arrival::not_finite);
   two.run(300);
   EXPECT_EQ(two.rig.mode(), Mode::tracking);
 }
@@ -413,7 +413,7 @@ TEST(Candidate, InChargeNobodyElseTakesItsMailbox) {
   two.run(100);
   EXPECT_TRUE(two.candidate_in_charge());
   EXPECT_EQ(two.header().command_policy, kCandidateHash);
-  EXPECT_EQ(two.header().freshness, Freshness::fresh);
+  EXPECT_EQ(two.header().seats[Seat::policy].freshness, Freshness::fresh);
   two.hosts[kCandidate].hash = 0xBAD;
   two.start_candidate();
   ASSERT_GE(two.run_until(PolicyChange::back_for_age, 400), 0);
@@ -424,11 +424,11 @@ TEST(Candidate, InChargeNobodyElseTakesItsMailbox) {
 // What a tick says of who is in charge agrees with the chunk that it follows.
 void check_attribution(const TwoHosts& two) {
   const TickRecordHeader& header = two.header();
-  const CommandHeader& followed = two.rig.state->chunk.header;
+  const CommandHeader& followed = two.rig.state->seats[Seat::policy].chunk.header;
   ASSERT_EQ(header.command_policy, followed.policy_hash);
-  ASSERT_EQ(header.command_sequence, followed.sequence);
+  ASSERT_EQ(header.seats[Seat::policy].command_sequence, followed.sequence);
   // With JoinKind::replace the steps are those of one policy alone.
-  const float wants = two.rig.state->chunk.values[0];
+  const float wants = two.rig.state->seats[Seat::policy].chunk.values[0];
   ASSERT_EQ(wants, header.command_policy == kOwnHash ? two.hosts[kOwn].wants : two.hosts[kCandidate].wants);
   ASSERT_TRUE(header.player != Player::policy || header.age.total() <= two.rig.config.freshness.max_age);
 }
@@ -490,9 +490,10 @@ TEST(Candidate, AThousandSwapsWithKillsAtRandomInstants) {
     check_motion(two.rig.out->record, last, config);
     if (HasFatalFailure()) return;
 
-    TickInput input = input_of(two.rig.out->record, two.rig.input.policy.command, two.rig.input.policy.bytes);
-    input.candidate.command = two.rig.input.candidate.command;
-    input.candidate.bytes = two.rig.input.candidate.bytes;
+    TickInput input = input_of(two.rig.out->record, two.rig.input.messages[Seat::policy].command,
+                               two.rig.input.messages[Seat::policy].bytes);
+    input.messages[Seat::candidate].command = two.rig.input.messages[Seat::candidate].command;
+    input.messages[Seat::candidate].bytes = two.rig.input.messages[Seat::candidate].bytes;
     control_tick(*replayed, input, config, *again);
     ASSERT_EQ(std::memcmp(&again->record, &two.rig.out->record, again->record.used_bytes()), 0) << "tick " << i;
     if (i % 5000 == 0) {

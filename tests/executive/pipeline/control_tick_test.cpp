@@ -41,9 +41,9 @@ TEST(Record, NamesNoSequenceWhereNoMessageCame) {
   const CommandChunk chunk =
       chunk_for(rig.config, rig.out->observation.id, rig.out->observation.published_at, rig.now, 77, 0.0F);
   rig.tick(&chunk);
-  EXPECT_EQ(rig.header().command_sequence_seen, 77U);
+  EXPECT_EQ(rig.header().seats[Seat::policy].command_sequence_seen, 77U);
   rig.tick();
-  EXPECT_EQ(rig.header().command_sequence_seen, 0U);
+  EXPECT_EQ(rig.header().seats[Seat::policy].command_sequence_seen, 0U);
 }
 
 TEST(Standby, ADriveThatIsStillOnBlocksArming) {
@@ -211,7 +211,7 @@ TEST(Age, PartsAddUpAndHoldGrows) {
   for (int i = 0; i < 60; ++i) {
     rig.tick_with_policy(0.0F);
     const TickRecordHeader& header = rig.header();
-    ASSERT_EQ(header.age.total(), header.now - rig.sensed_at[header.observation_answered]);
+    ASSERT_EQ(header.age.total(), header.now - rig.sensed_at[header.seats[Seat::policy].observation_answered]);
     EXPECT_EQ(header.age.hold.ns % 1'000'000, 0);
     EXPECT_EQ(rig.out->valid_until, header.now + (rig.config.freshness.max_age - header.age.total()));
   }
@@ -227,7 +227,7 @@ TEST(Age, DrivesAreToldWhenTheChunkEndsIfThatIsSooner) {
   const std::uint64_t id = rig.newest_observation;
   const CommandChunk chunk = chunk_for(rig.config, id, rig.published_at[id], rig.now, ++rig.sequence, 0.0F, 3);
   rig.tick(&chunk);
-  ASSERT_EQ(rig.header().arrival, Arrival::accepted);
+  ASSERT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::accepted);
   EXPECT_EQ(rig.out->valid_until, rig.published_at[id] + milliseconds(30));
   for (int i = 0; i < 40; ++i) {
     rig.tick();
@@ -266,7 +266,9 @@ TEST(Freshness, PolicyDeathDegradesThenStopsWithinItsBound) {
   MonoTime last_usable = rig.now, degraded_at, stopped_at;
   for (int i = 0; i < 1000; ++i) {
     rig.tick();
-    if (rig.header().freshness == Freshness::fresh || rig.header().freshness == Freshness::aging) last_usable = rig.now;
+    if (rig.header().seats[Seat::policy].freshness == Freshness::fresh ||
+        rig.header().seats[Seat::policy].freshness == Freshness::aging)
+      last_usable = rig.now;
     if (rig.header().cause == Cause::command_late) degraded_at = rig.now;
     if (rig.header().cause == Cause::command_lost) stopped_at = rig.now;
   }
@@ -284,7 +286,9 @@ TEST(Freshness, UntilASilenceIsLateEachJointBrakesWithItsOwnGains) {
   Rig rig(config);
   rig.arm(0.0F);
   rig.run_with_policy(200, 1.2F);
-  while (rig.header().freshness == Freshness::fresh || rig.header().freshness == Freshness::aging) rig.tick();
+  while (rig.header().seats[Seat::policy].freshness == Freshness::fresh ||
+         rig.header().seats[Seat::policy].freshness == Freshness::aging)
+    rig.tick();
   float speed = std::abs(rig.out->record.joints[0].dq_reference);
   ASSERT_GT(speed, 0.5F);
   const JointConfig& joint = rig.config.joints[0];
@@ -654,7 +658,7 @@ TEST(Commands, RepeatedRefusalsStopTheRobot) {
     chunk.header.sequence = ++rig.sequence;
     rig.tick(&chunk);
     ++sent;
-    EXPECT_EQ(rig.header().arrival, Arrival::not_finite);
+    EXPECT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::not_finite);
   }
   EXPECT_EQ(rig.header().cause, Cause::bad_commands);
   EXPECT_EQ(sent, rig.config.freshness.bad_command_limit + 1);
@@ -675,7 +679,7 @@ TEST(Commands, BackwardStampsAreAnIntegrationErrorEach) {
     CommandChunk chunk = late_answer(rig, 0);
     chunk.header.infer_ended_at = chunk.header.infer_started_at - nanoseconds(1);
     rig.tick(&chunk);
-    EXPECT_EQ(rig.header().arrival, Arrival::accepted);
+    EXPECT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::accepted);
     EXPECT_EQ(rig.header().integration_errors, errors);
   }
   rig.tick_with_policy(0.0F);
@@ -692,7 +696,8 @@ TEST(Commands, AnAnswerYoungerThanMaxAgeIsRemembered) {
     rig.run(300);
     const CommandChunk chunk = late_answer(rig, lag);
     rig.tick(&chunk);
-    EXPECT_EQ(rig.header().arrival, Arrival::accepted) << rig.header().age.total().milliseconds() << " ms";
+    EXPECT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::accepted)
+        << rig.header().age.total().milliseconds() << " ms";
     EXPECT_LE(rig.header().age.total(), config.freshness.max_age);
   }
 }
@@ -703,14 +708,14 @@ TEST(Commands, AnAnswerToAnOlderObservationReplacesNoNewerOne) {
   rig.run_with_policy(101, 0.0F);
   while (!rig.out->observation_due) rig.tick_with_policy(0.0F);
   rig.tick_with_policy(0.0F);
-  ASSERT_EQ(rig.header().arrival, Arrival::accepted);
+  ASSERT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::accepted);
   const Duration age = rig.header().age.total();
   const CommandChunk chunk = late_answer(rig, 2);
   rig.tick(&chunk);
-  EXPECT_EQ(rig.header().arrival, Arrival::overtaken);
+  EXPECT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::overtaken);
   EXPECT_EQ(rig.header().age.total(), age + rig.config.period);
   EXPECT_EQ(rig.header().refused_commands, 1U);
-  EXPECT_EQ(rig.header().last_refusal, Arrival::overtaken);
+  EXPECT_EQ(rig.header().seats[Seat::policy].last_refusal, Arrival::overtaken);
 }
 
 // Goal: lateness is judged by the freshness contract and is no integration error. Method: more late messages than
@@ -732,7 +737,7 @@ TEST(Commands, LateOnesAreNoIntegrationError) {
   for (int i = 0; i < 1'000 && rig.mode() != Mode::damped_stop; ++i) {
     const CommandChunk chunk = late_answer(rig, 6);
     rig.tick(&chunk);
-    ASSERT_EQ(rig.header().arrival, Arrival::expired_observation);
+    ASSERT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::expired_observation);
     seen |= rig.header().causes_active;
   }
   EXPECT_NE(seen & bit(Cause::command_late), 0U);
@@ -745,8 +750,8 @@ TEST(Commands, WithoutTheStampOfTheirSensorsTheyNeitherMoveNorArm) {
   config.policy.needs_outside_stamp = true;
   Rig rig(config);
   rig.run_with_policy(100, 0.0F);
-  EXPECT_EQ(rig.header().last_refusal, Arrival::missing_stamp);
-  EXPECT_EQ(rig.header().freshness, Freshness::missing);
+  EXPECT_EQ(rig.header().seats[Seat::policy].last_refusal, Arrival::missing_stamp);
+  EXPECT_EQ(rig.header().seats[Seat::policy].freshness, Freshness::missing);
   EXPECT_TRUE(blocks(rig, "outside_sensed_at"));
   rig.tick(nullptr, OperatorRequest::arm);
   EXPECT_EQ(rig.mode(), Mode::standby);
@@ -755,9 +760,9 @@ TEST(Commands, WithoutTheStampOfTheirSensorsTheyNeitherMoveNorArm) {
 TEST(Commands, ContendedAndCorruptReadsAreRefusalsOfTheirOwnName) {
   Rig rig(robot(2));
   rig.tick(nullptr, OperatorRequest::none, Arrival::contended);
-  EXPECT_EQ(rig.header().arrival, Arrival::contended);
+  EXPECT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::contended);
   rig.tick(nullptr, OperatorRequest::none, Arrival::corrupt);
-  EXPECT_EQ(rig.header().arrival, Arrival::corrupt);
+  EXPECT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::corrupt);
   EXPECT_EQ(rig.header().refused_commands, 2U);
 }
 
@@ -768,11 +773,11 @@ TEST(Commands, ARepeatedMessageDoesNotRejuvenate) {
   while (!rig.out->observation_due) rig.tick();
   const CommandChunk chunk = chunk_for(rig.config, rig.newest_observation, rig.now, rig.now, ++rig.sequence, 0.1F);
   rig.tick(&chunk);
-  ASSERT_EQ(rig.header().arrival, Arrival::accepted);
+  ASSERT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::accepted);
   const MonoTime sensed = rig.sensed_at[chunk.header.observation_id];
   for (int i = 0; i < 15; ++i) {
     rig.tick(&chunk);
-    EXPECT_EQ(rig.header().arrival, Arrival::repeated_sequence);
+    EXPECT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::repeated_sequence);
     EXPECT_EQ(rig.header().age.total(), rig.now - sensed);
   }
 }
@@ -784,12 +789,12 @@ TEST(Commands, ANewPolicySessionMayCountFromOneAgain) {
   const CommandChunk first =
       chunk_for(rig.config, rig.newest_observation, rig.published_at[rig.newest_observation], rig.now, 1, 0.0F);
   rig.tick(&first);
-  EXPECT_EQ(rig.header().arrival, Arrival::repeated_sequence);
-  rig.input.policy.session = 9;
+  EXPECT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::repeated_sequence);
+  rig.input.messages[Seat::policy].session = 9;
   rig.tick(&first);
-  EXPECT_EQ(rig.header().arrival, Arrival::accepted);
+  EXPECT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::accepted);
   rig.tick(&first);
-  EXPECT_EQ(rig.header().arrival, Arrival::repeated_sequence);
+  EXPECT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::repeated_sequence);
 }
 
 TEST(Observation, IsPublishedEveryPeriodWithTheOldestSample) {

@@ -39,16 +39,16 @@ struct TwoPolicies {
   explicit TwoPolicies(const TickConfig& config) : rig(config) {}
 
   const TickOutput& tick(OperatorRequest request = OperatorRequest::none) {
-    rig.input.fallback.mailbox = Arrival::none;
-    rig.input.fallback.command = nullptr;
+    rig.input.messages[Seat::fallback].mailbox = Arrival::none;
+    rig.input.messages[Seat::fallback].command = nullptr;
     const bool due = rig.newest_observation != 0 && rig.out->observation_due;
     if (due && fallback_speaks) {
       *second = chunk_for(rig.config, rig.newest_observation, rig.published_at[rig.newest_observation], rig.now,
                           ++sequence, fallback_wants);
       second->header.policy_hash = fallback_hash;
-      rig.input.fallback.mailbox = Arrival::accepted;
-      rig.input.fallback.command = second.get();
-      rig.input.fallback.bytes = second->used_bytes();
+      rig.input.messages[Seat::fallback].mailbox = Arrival::accepted;
+      rig.input.messages[Seat::fallback].command = second.get();
+      rig.input.messages[Seat::fallback].bytes = second->used_bytes();
     }
     return policy_speaks ? rig.tick_with_policy(policy_wants, request) : rig.tick(nullptr, request);
   }
@@ -99,8 +99,9 @@ TEST(FallbackPolicy, NobodyArmsWhileItIsNotFresh) {
   two.run(60);
   ASSERT_EQ(blockers_of(two.rig).size(), 1U);
   EXPECT_NE(blockers_of(two.rig)[0].find("another policy's"), std::string_view::npos);
-  EXPECT_EQ(two.header().fallback.last_refusal, Arrival::wrong_policy);
-  EXPECT_EQ(two.header().freshness, Freshness::fresh) << "the policy's own command is not the fallback's";
+  EXPECT_EQ(two.header().seats[Seat::fallback].last_refusal, Arrival::wrong_policy);
+  EXPECT_EQ(two.header().seats[Seat::policy].freshness, Freshness::fresh)
+      << "the policy's own command is not the fallback's";
 
   two.fallback_hash = kFallbackHash;
   two.run(40);
@@ -174,7 +175,7 @@ TEST(FallbackPolicy, LostWhileThePolicyMovesTheRobotChangesNothing) {
   two.run(1500);
   EXPECT_EQ(two.rig.mode(), Mode::tracking);
   EXPECT_EQ(two.header().player, Player::policy);
-  EXPECT_EQ(two.header().fallback.freshness, Freshness::stale);
+  EXPECT_EQ(two.header().seats[Seat::fallback].freshness, Freshness::stale);
 }
 
 TEST(FallbackPolicy, ThePolicyThatIsBackPlaysWhereTheFallbackHasNothingToSay) {
@@ -268,18 +269,18 @@ TEST(FallbackPolicy, AnotherHostStartsItsSequencesOver) {
   two.run(100);
   two.sequence = 0;
   two.run(25);
-  EXPECT_EQ(two.header().fallback.last_refusal, Arrival::repeated_sequence);
-  ++two.rig.input.fallback.session;
+  EXPECT_EQ(two.header().seats[Seat::fallback].last_refusal, Arrival::repeated_sequence);
+  ++two.rig.input.messages[Seat::fallback].session;
   two.run(25);
-  EXPECT_EQ(two.header().fallback.last_refusal, Arrival::none);
-  EXPECT_EQ(two.header().fallback.freshness, Freshness::fresh);
+  EXPECT_EQ(two.header().seats[Seat::fallback].last_refusal, Arrival::none);
+  EXPECT_EQ(two.header().seats[Seat::fallback].freshness, Freshness::fresh);
 }
 
 // What a tick's frames carry is never older than max_age, whoever plays, and lives no longer than that.
 void check_age(const TickRecordHeader& header, const TickOutput& out, const TickConfig& config) {
   if (header.player == Player::none) return;
   const bool is_fallback = header.player == Player::fallback;
-  const Duration age = is_fallback ? header.fallback.age : header.age.total();
+  const Duration age = is_fallback ? header.seats[Seat::fallback].age : header.age.total();
   ASSERT_LE(age, config.freshness.max_age);
   ASSERT_LE(out.valid_until, header.now - age + config.freshness.max_age);
 }
@@ -626,9 +627,10 @@ TEST(FallbackPolicy, ReplaysBitForBitFromAKeyframe) {
     if (i == 600) two.fallback_speaks = two.policy_speaks = false;
     two.tick(i == 400 ? OperatorRequest::stop : OperatorRequest::none);
     ASSERT_TRUE(i != 500 || two.header().player == Player::fallback) << "in the stop";
-    TickInput input = input_of(two.rig.out->record, two.rig.input.policy.command, two.rig.input.policy.bytes);
-    input.fallback.command = two.rig.input.fallback.command;
-    input.fallback.bytes = two.rig.input.fallback.bytes;
+    TickInput input = input_of(two.rig.out->record, two.rig.input.messages[Seat::policy].command,
+                               two.rig.input.messages[Seat::policy].bytes);
+    input.messages[Seat::fallback].command = two.rig.input.messages[Seat::fallback].command;
+    input.messages[Seat::fallback].bytes = two.rig.input.messages[Seat::fallback].bytes;
     control_tick(*replayed, input, config, *again);
     ASSERT_EQ(std::memcmp(&again->record, &two.rig.out->record, again->record.used_bytes()), 0) << "tick " << i;
   }

@@ -254,15 +254,16 @@ class Judge {
   [[nodiscard]] const TickRecord& record() const { return rig_.out->record; }
   [[nodiscard]] const TickRecordHeader& header() const { return rig_.out->record.header; }
   [[nodiscard]] bool usable() const {
-    return header().freshness == Freshness::fresh || header().freshness == Freshness::aging;
+    return header().seats[Seat::policy].freshness == Freshness::fresh ||
+           header().seats[Seat::policy].freshness == Freshness::aging;
   }
 
   // The parts add up to an age that is no younger than what the robot knows.
   const char* age() {
-    if (header().freshness == Freshness::missing) {
+    if (header().seats[Seat::policy].freshness == Freshness::missing) {
       return header().age.total().ns == 0 ? nullptr : "age while missing";
     }
-    const MonoTime sensed = rig_.sensed_at.at(header().observation_answered);
+    const MonoTime sensed = rig_.sensed_at.at(header().seats[Seat::policy].observation_answered);
     true_age_ = header().now - sensed;
     if (header().age.total() < true_age_) return "a command claims to be younger than its observation";
     if (usable() && true_age_ > config_.freshness.max_age) return "a command older than max_age counts as usable";
@@ -463,7 +464,7 @@ bool explore(std::uint32_t seed, int ticks, Coverage& seen) {
     const TickRecordHeader& header = schedule.rig().header();
     ++seen.ticks;
     seen.tracked += header.mode == Mode::tracking ? 1U : 0U;
-    ++seen.arrivals[static_cast<std::size_t>(header.arrival)];
+    ++seen.arrivals[static_cast<std::size_t>(header.seats[Seat::policy].arrival)];
     ++seen.causes[static_cast<std::size_t>(header.cause)];
     const char* what = judge.broken();
     if (what == nullptr && schedule.troubled_for() > kTroubleIsFoundWithin && is_armed(header.mode))

@@ -239,11 +239,11 @@ TEST(Join, AHandoverBeginsAtTheReference) {
   TickConfig config = robot(2);
   config.join = {.kind = JoinKind::cross_fade, .over = milliseconds(100)};
   const auto state = std::make_unique<TickState>();
-  state->chunk = chunk_for(config, 1, kStart, kStart, 1, 0.5F, 8);
-  state->command.observed_at = kStart;
+  state->seats[Seat::policy].chunk = chunk_for(config, 1, kStart, kStart, 1, 0.5F, 8);
+  state->seats[Seat::policy].command.observed_at = kStart;
   state->joints[1].reference = {0.25, 1.5, -7.0};
-  hand_over(*state, Player::policy, kStart, config);
-  EXPECT_FLOAT_EQ(state->join.remainder[1].q, -0.25F);
+  hand_over(*state, Seat::policy, kStart, config);
+  EXPECT_FLOAT_EQ(state->seats[Seat::policy].join.remainder[1].q, -0.25F);
 }
 
 constexpr JoinRule kPrefix{.kind = JoinKind::prefix, .longest_delay = milliseconds(19)};
@@ -258,13 +258,13 @@ TEST(Prefix, PromisesAsManyStepsAsAnAnswerTakesAndPlaysThem) {
   const std::uint64_t old = robot.rig().sequence;
   CommandChunk early = robot.answer(observation, 0.3F);
   robot.rig().tick(&early);
-  EXPECT_EQ(robot.rig().header().arrival, Arrival::accepted);
+  EXPECT_EQ(robot.rig().header().seats[Seat::policy].arrival, Arrival::accepted);
   for (int tick = 2; tick < 6; ++tick) {
-    EXPECT_EQ(robot.rig().header().command_sequence, old) << "the promise is kept";
+    EXPECT_EQ(robot.rig().header().seats[Seat::policy].command_sequence, old) << "the promise is kept";
     robot.rig().tick();
   }
   robot.rig().tick();
-  EXPECT_EQ(robot.rig().header().command_sequence, early.header.sequence);
+  EXPECT_EQ(robot.rig().header().seats[Seat::policy].command_sequence, early.header.sequence);
   EXPECT_EQ(robot.rig().header().age.hold, Duration{}) << "first use";
 }
 
@@ -284,7 +284,7 @@ TEST(Prefix, AnAnswerLaterThanThePromiseIsTakenAtOnce) {
   robot.rig().run(9);
   const CommandChunk late = robot.answer(observation, 0.3F);
   robot.rig().tick(&late);
-  EXPECT_EQ(robot.rig().header().command_sequence, late.header.sequence);
+  EXPECT_EQ(robot.rig().header().seats[Seat::policy].command_sequence, late.header.sequence);
 }
 
 TEST(Prefix, AnOlderAnswerNeverReplacesOneThatWaits) {
@@ -296,9 +296,9 @@ TEST(Prefix, AnOlderAnswerNeverReplacesOneThatWaits) {
   robot.rig().tick(&early);
   const CommandChunk late = robot.answer(older, 0.5F);
   robot.rig().tick(&late);
-  EXPECT_EQ(robot.rig().header().arrival, Arrival::overtaken);
+  EXPECT_EQ(robot.rig().header().seats[Seat::policy].arrival, Arrival::overtaken);
   robot.rig().run(6);
-  EXPECT_EQ(robot.rig().header().command_sequence, early.header.sequence);
+  EXPECT_EQ(robot.rig().header().seats[Seat::policy].command_sequence, early.header.sequence);
 }
 
 TEST(Prefix, WhatWaitsTakesOverWhenThePathEndsEarlier) {
@@ -312,11 +312,12 @@ TEST(Prefix, WhatWaitsTakesOverWhenThePathEndsEarlier) {
   const Observation second = robot.next_observation();
   CommandChunk next = robot.answer(second, 0.1F);
   robot.rig().tick(&next);
-  for (int tick = 0; tick < 19 && robot.rig().header().command_sequence != next.header.sequence; ++tick) {
+  for (int tick = 0; tick < 19 && robot.rig().header().seats[Seat::policy].command_sequence != next.header.sequence;
+       ++tick) {
     robot.rig().tick();
-    EXPECT_EQ(robot.rig().header().freshness, Freshness::fresh);
+    EXPECT_EQ(robot.rig().header().seats[Seat::policy].freshness, Freshness::fresh);
   }
-  EXPECT_EQ(robot.rig().header().command_sequence, next.header.sequence);
+  EXPECT_EQ(robot.rig().header().seats[Seat::policy].command_sequence, next.header.sequence);
 }
 
 TEST(Prefix, NothingIsPromisedWhereNothingIsPlayedOrTheJoinIsAnother) {
@@ -353,11 +354,11 @@ TEST(Epoch, NoCommandOfBeforeAResetMovesTheRobotAfterIt) {
     while (!rig.out->observation_due) rig.tick_with_policy(0.3F);
     rig.tick_with_policy(1.2F, leaves);
     ASSERT_EQ(rig.mode(), Mode::standby);
-    EXPECT_EQ(rig.header().freshness, Freshness::missing);
+    EXPECT_EQ(rig.header().seats[Seat::policy].freshness, Freshness::missing);
     for (int i = 0; i < 80; ++i) {
       rig.tick(nullptr, OperatorRequest::arm);
       ASSERT_EQ(rig.mode(), Mode::standby) << "nothing is there to follow, " << i << " ms after";
-      ASSERT_EQ(rig.header().freshness, Freshness::missing);
+      ASSERT_EQ(rig.header().seats[Seat::policy].freshness, Freshness::missing);
     }
     rig.arm(0.3F);
     EXPECT_EQ(rig.mode(), Mode::tracking);
@@ -373,7 +374,7 @@ TEST(Epoch, AnswersToObservationsOfBeforeAnArmingOrAResetAreRefused) {
   const std::uint32_t refused = rig.header().refused_commands;
   CommandChunk chunk = chunk_for(rig.config, before, rig.published_at[before], rig.now, ++rig.sequence, 0.5F);
   rig.tick(&chunk);
-  EXPECT_EQ(rig.header().arrival, Arrival::expired_observation);
+  EXPECT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::expired_observation);
   EXPECT_EQ(rig.header().refused_commands, refused + 1);
   rig.run_with_policy(60, 0.0F);
   ASSERT_EQ(rig.mode(), Mode::tracking) << "the command in use carries the arming";
@@ -385,7 +386,7 @@ TEST(Epoch, AnswersToObservationsOfBeforeAnArmingOrAResetAreRefused) {
   ASSERT_EQ(rig.mode(), Mode::standby);
   chunk = chunk_for(rig.config, stopped, rig.published_at[stopped], rig.now, ++rig.sequence, 0.5F);
   rig.tick(&chunk);
-  EXPECT_EQ(rig.header().arrival, Arrival::expired_observation);
+  EXPECT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::expired_observation);
 }
 
 }  // namespace

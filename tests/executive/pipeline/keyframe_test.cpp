@@ -70,7 +70,7 @@ class RandomRun {
     if (chance(700)) rig_.drives[0].silent = !rig_.drives[0].silent;
     if (chance(50)) rig_.drives[random_() % rig_.config.joint_count].dq += spread(1.0F);
     if (chance(400)) {  // another policy host, counting from 1 again
-      ++rig_.input.policy.session;
+      ++rig_.input.messages[Seat::policy].session;
       rig_.sequence = 0;
     }
     if (chance(300))
@@ -191,11 +191,11 @@ TEST(Keyframe, AStateThatNoTickLeavesIsRefusedThoughItsChecksumIsRight) {
     static_assert(sizeof(DelayMemory) == 168 && std::is_trivially_copyable_v<DelayMemory>);
     std::memcpy(std::as_writable_bytes(std::span(&delays, 1)).data() + 160, &next, sizeof next);
   };
-  EXPECT_EQ(refusal([&](TickState& state) { next_delay(state.join.delays, 9); }), "");
+  EXPECT_EQ(refusal([&](TickState& state) { next_delay(state.seats[Seat::policy].join.delays, 9); }), "");
   for (const std::uint32_t next : {10U, 0x7FFF'FFFFU}) {
-    EXPECT_NE(refusal([&](TickState& state) { next_delay(state.join.delays, next); }), "");
-    EXPECT_NE(refusal([&](TickState& state) { next_delay(state.fallback_join.delays, next); }), "");
-    EXPECT_NE(refusal([&](TickState& state) { next_delay(state.candidate_join.delays, next); }), "");
+    EXPECT_NE(refusal([&](TickState& state) { next_delay(state.seats[Seat::policy].join.delays, next); }), "");
+    EXPECT_NE(refusal([&](TickState& state) { next_delay(state.seats[Seat::fallback].join.delays, next); }), "");
+    EXPECT_NE(refusal([&](TickState& state) { next_delay(state.seats[Seat::candidate].join.delays, next); }), "");
   }
   const auto beyond = [](std::size_t count) { return static_cast<std::uint8_t>(count); };
   EXPECT_NE(refusal([&](TickState& state) { state.mode.stop_cause = static_cast<Cause>(beyond(kCauseCount)); }), "");
@@ -238,7 +238,7 @@ TEST(Keyframe, TheLargestFitsAndASmallBufferIsRefused) {
                                  0.0F, kMaxChunkValues / (kMaxJoints * kCommandFieldCount));
   chunk.header.fields = kAllCommandFields;
   rig.tick(&chunk);
-  ASSERT_EQ(rig.header().arrival, Arrival::accepted);
+  ASSERT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::accepted);
   std::vector<std::byte> out(ipc::kMaxKeyframeBytes - 8);
   const std::size_t size = save(*rig.state, out);
   EXPECT_GT(size, sizeof(CommandChunk));

@@ -109,8 +109,10 @@ TEST(LateSetpoint, MayLeaveForOnePeriodOrUntilItsCommandDies) {
   rig.tick_with_policy(1.0F);
   EXPECT_EQ(rig.out->send_by, rig.header().now + rig.config.period);
   bool shorter = false;
-  while (rig.header().freshness != Freshness::stale && rig.header().freshness != Freshness::missing) {
-    const MonoTime dies_at = rig.sensed_at[rig.header().observation_answered] + rig.config.freshness.max_age;
+  while (rig.header().seats[Seat::policy].freshness != Freshness::stale &&
+         rig.header().seats[Seat::policy].freshness != Freshness::missing) {
+    const MonoTime dies_at =
+        rig.sensed_at[rig.header().seats[Seat::policy].observation_answered] + rig.config.freshness.max_age;
     ASSERT_EQ(rig.out->send_by, std::min(rig.header().now + rig.config.period, dies_at));
     ASSERT_EQ(rig.out->valid_until, dies_at);
     shorter |= rig.out->send_by < rig.header().now + rig.config.period;
@@ -129,7 +131,7 @@ TEST(LateSetpoint, ACommandAlsoDiesAtTheEndOfItsChunk) {
   const CommandChunk chunk =
       testing::chunk_for(rig.config, rig.newest_observation, observed_at, rig.now, ++rig.sequence, 1.0F, 3);
   rig.tick(&chunk);
-  ASSERT_EQ(rig.header().arrival, Arrival::accepted);
+  ASSERT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::accepted);
   EXPECT_EQ(rig.out->valid_until, observed_at + milliseconds(30));
 }
 

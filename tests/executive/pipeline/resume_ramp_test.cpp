@@ -65,7 +65,7 @@ TEST(ResumeRamp, AlsoBeginsWithArmingAndWithNothingElse) {
   rig.run_with_policy(15, 1.4F);
   EXPECT_LT(rig.out->record.joints[0].dq_reference, 1.2F * slow);
   rig.run_with_policy(600, -1.0F);
-  while (rig.header().freshness != Freshness::stale) rig.tick();
+  while (rig.header().seats[Seat::policy].freshness != Freshness::stale) rig.tick();
   float fastest = 0;
   for (int i = 0; i < 60; ++i) {
     rig.tick_with_policy(1.4F);

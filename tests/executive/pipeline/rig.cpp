@@ -140,9 +140,10 @@ const TickOutput& Rig::tick(const CommandChunk* command, OperatorRequest request
   ++input.tick;
   input.now = now;
   input.operator_request = request;
-  input.policy.command = command;
-  input.policy.mailbox = command == nullptr && mailbox == Arrival::accepted ? Arrival::none : mailbox;
-  input.policy.bytes = command == nullptr ? 0 : (command_bytes != 0 ? command_bytes : command->used_bytes());
+  input.messages[Seat::policy].command = command;
+  input.messages[Seat::policy].mailbox = command == nullptr && mailbox == Arrival::accepted ? Arrival::none : mailbox;
+  input.messages[Seat::policy].bytes =
+      command == nullptr ? 0 : (command_bytes != 0 ? command_bytes : command->used_bytes());
   sense();
   control_tick(*state, input, config, *out);
   if (out->observation_due) {

@@ -195,7 +195,7 @@ TEST(PassiveJoint, ACommandThatAsksForTorqueThereIsOutOfRangeAndGetsNone) {
   for (std::size_t step = 0; step < chunk.header.step_count; ++step)
     chunk.values[value_index(chunk.header, CommandField::tau_ff, step, 1)] = 0.5F;
   rig.tick(&chunk);
-  ASSERT_EQ(rig.header().arrival, Arrival::accepted);
+  ASSERT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::accepted);
   EXPECT_NE(rig.out->record.joints[1].interventions & bit(Intervention::target_range), 0);
   EXPECT_EQ(rig.out->setpoints[1].tau, 0.0F);
 }

@@ -39,7 +39,7 @@ TEST(Suspend, ATrackingRobotIsLatchedAndNothingOlderIsPlayed) {
   EXPECT_EQ(rig.mode(), Mode::fault_latched);
   EXPECT_EQ(rig.header().cause, Cause::feedback_lost);
   EXPECT_EQ(rig.header().slept_ms, 5'000U);
-  EXPECT_EQ(rig.header().freshness, Freshness::missing);
+  EXPECT_EQ(rig.header().seats[Seat::policy].freshness, Freshness::missing);
   EXPECT_FALSE(rig.out->valid_until.is_set());
 }
 
@@ -51,8 +51,8 @@ TEST(Suspend, AnswersToWhatWasPublishedBeforeAreRefused) {
   const auto chunk = std::make_unique<CommandChunk>(
       chunk_for(rig.config, before, rig.published_at[before], rig.now, ++rig.sequence, 0.1F));
   rig.tick(chunk.get());
-  EXPECT_EQ(rig.header().arrival, Arrival::expired_observation);
-  EXPECT_EQ(rig.header().freshness, Freshness::missing);
+  EXPECT_EQ(rig.header().seats[Seat::policy].arrival, Arrival::expired_observation);
+  EXPECT_EQ(rig.header().seats[Seat::policy].freshness, Freshness::missing);
 }
 
 TEST(Suspend, FeedbackIsLostUntilEachJointRepliesAgain) {

@@ -270,18 +270,18 @@ TEST(CyclicLoop, AMessageFromThePolicyIsReadRecordedAndJudged) {
   auto segment = ipc::Segment::create("test-command", ipc::ring_bytes(ipc::command_mailbox()), false).value();
   auto policy_side = ipc::Segment::adopt_writable(dup(segment.fd()), segment.size()).value();
   ipc::SlotWriter writer(policy_side.writable(), ipc::command_mailbox());
-  rig.mailboxes.want(CommandMailbox::seal(std::move(segment), 7).value());
+  rig.mailboxes[Seat::policy].want(CommandMailbox::seal(std::move(segment), 7).value());
   CommandHeader header;  // answers nothing: to be refused, and recorded all the same
   header.sequence = 41;
   writer.publish(std::as_bytes(std::span(&header, 1)));
   rig.run(2);
 
   const auto records = rig.records();
-  EXPECT_EQ(records.at(0).header.mailbox, Arrival::accepted);
-  EXPECT_EQ(records.at(0).header.command_sequence_seen, 41U);
-  EXPECT_EQ(records.at(0).header.policy_session, 7);
-  EXPECT_NE(records.at(0).header.arrival, Arrival::accepted);
-  EXPECT_EQ(records.at(1).header.mailbox, Arrival::none);
+  EXPECT_EQ(records.at(0).header.seats[Seat::policy].mailbox, Arrival::accepted);
+  EXPECT_EQ(records.at(0).header.seats[Seat::policy].command_sequence_seen, 41U);
+  EXPECT_EQ(records.at(0).header.seats[Seat::policy].session, 7);
+  EXPECT_NE(records.at(0).header.seats[Seat::policy].arrival, Arrival::accepted);
+  EXPECT_EQ(records.at(1).header.seats[Seat::policy].mailbox, Arrival::none);
   auto ring = ipc::Segment::adopt_read_only(dup(rig.published.monitor_descriptors()[ipc::kCommandRingDescriptor]),
                                             ipc::ring_bytes(ipc::command_ring()))
                   .value();
@@ -302,7 +302,7 @@ TEST(CyclicLoop, WhatIsRefusedInMassesLeavesItsHeader) {
   auto segment = ipc::Segment::create("test-command", ipc::ring_bytes(ipc::command_mailbox()), false).value();
   auto policy_side = ipc::Segment::adopt_writable(dup(segment.fd()), segment.size()).value();
   ipc::SlotWriter writer(policy_side.writable(), ipc::command_mailbox());
-  rig.mailboxes.want(CommandMailbox::seal(std::move(segment), 1).value());
+  rig.mailboxes[Seat::policy].want(CommandMailbox::seal(std::move(segment), 1).value());
   auto ring = ipc::Segment::adopt_read_only(dup(rig.published.monitor_descriptors()[ipc::kCommandRingDescriptor]),
                                             ipc::ring_bytes(ipc::command_ring()))
                   .value();
@@ -341,7 +341,8 @@ TEST(CyclicLoop, WhatIsRefusedInMassesLeavesItsHeader) {
   const auto records = rig.records();
   ASSERT_EQ(records.size(), 200U);
   for (const TickRecord& record : records)
-    EXPECT_EQ(record.header.arrival, record.header.tick % 2 == 0 ? Arrival::unknown_observation : Arrival::wrong_shape);
+    EXPECT_EQ(record.header.seats[Seat::policy].arrival,
+              record.header.tick % 2 == 0 ? Arrival::unknown_observation : Arrival::wrong_shape);
   EXPECT_GT(whole, 10U);
   EXPECT_GT(cut, 150U);
   EXPECT_LE(recorded, kRefusedBytesAtOnce + 200 * (kRefusedBytesPerTick + sizeof(CommandHeader)));
@@ -354,7 +355,7 @@ TEST(CyclicLoop, OfSeveralMessagesTheNewestIsRead) {
   auto segment = ipc::Segment::create("test-command", ipc::ring_bytes(ipc::command_mailbox()), false).value();
   auto policy_side = ipc::Segment::adopt_writable(dup(segment.fd()), segment.size()).value();
   ipc::SlotWriter writer(policy_side.writable(), ipc::command_mailbox());
-  rig.mailboxes.want(CommandMailbox::seal(std::move(segment), 1).value());
+  rig.mailboxes[Seat::policy].want(CommandMailbox::seal(std::move(segment), 1).value());
   const auto chunk = std::make_unique<CommandChunk>();
   chunk->header.step_count = 1;
   chunk->header.joint_count = 3;
@@ -365,7 +366,8 @@ TEST(CyclicLoop, OfSeveralMessagesTheNewestIsRead) {
   }
   rig.run(4);
   std::vector<std::uint64_t> seen;
-  for (const TickRecord& record : rig.records()) seen.push_back(record.header.command_sequence_seen);
+  for (const TickRecord& record : rig.records())
+    seen.push_back(record.header.seats[Seat::policy].command_sequence_seen);
   EXPECT_EQ(seen, (std::vector<std::uint64_t>{3, 0, 0, 0}));
 }
 

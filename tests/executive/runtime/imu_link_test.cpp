@@ -93,8 +93,8 @@ TEST_F(ImuLinkTest, TheLoopReadsItInTheTickAndRecordsIt) {
   LoopRig rig;
   pipeline::TickConfig config = rig.config;
   config.imu = {.present = true, .timeout = seconds(10), .frozen_after = {}, .tilt = 4, .angular_velocity = 1000};
-  CyclicLoop loop({config, rig.clock, rig.edge, rig.mailboxes, rig.fallback_mailboxes, rig.candidate_mailboxes,
-                   rig.requests, rig.recorded, rig.published, rig.board, &link.mailboxes()},
+  CyclicLoop loop({config, rig.clock, rig.edge, rig.mailboxes, rig.requests, rig.recorded, rig.published, rig.board,
+                   &link.mailboxes()},
                   {{}, {}, 100});
   publish(3);
   loop.run(EvidenceSource::open().value(), 2);

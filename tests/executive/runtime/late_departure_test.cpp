@@ -40,7 +40,7 @@ class LateDeparture : public testing::Test {
     auto segment = ipc::Segment::create("test-command", ipc::ring_bytes(ipc::command_mailbox()), false).value();
     policy_side_ = ipc::Segment::adopt_writable(dup(segment.fd()), segment.size()).value();
     writer_.emplace(policy_side_->writable(), ipc::command_mailbox());
-    rig_.mailboxes.want(CommandMailbox::seal(std::move(segment), 1).value());
+    rig_.mailboxes[Seat::policy].want(CommandMailbox::seal(std::move(segment), 1).value());
     for (FakeBus* bus : rig_.buses) {
       bus->on_sent = [this, bus](const drivers::CanFrame& frame) { reply(*bus, frame); };
     }
@@ -213,7 +213,7 @@ TEST_F(LateDeparture, ACommandThatDiesInsideItsTickStaysBehind) {
     if (record.header.last_damped != 0) damped.push_back(tick - 1);
   ASSERT_EQ(damped.size(), 1U);
   const TickRecordHeader& dying = records_.at(damped[0]).header;
-  EXPECT_NE(dying.freshness, Freshness::stale) << "it still lived when the tick decided";
+  EXPECT_NE(dying.seats[Seat::policy].freshness, Freshness::stale) << "it still lived when the tick decided";
   EXPECT_LT(records_.at(damped[0] + 1).header.last_sent_at - dying.now, rig_.config.period);
   expect_replay();
 }

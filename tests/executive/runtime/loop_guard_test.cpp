@@ -89,19 +89,18 @@ DriveEdge make_edge(const config::RobotConfig& robot, const std::string& directo
   SimulatedDrives drives(robot, directory);
   DriveEdge edge = make_edge(robot, directory, trouble);
   SystemClock clock;
-  MailboxHandover mailboxes, fallback_mailboxes, candidate_mailboxes;
+  PerSeat<MailboxHandover> mailboxes;
   OperatorInbox requests;
   RecordedThrough recorded;
   recorded.set(1);  // for the first four seconds that is not too far behind
   StatusBoard board;
   auto published = PublishedSegments::create(robot.joints.size()).value();
-  CyclicLoop loop(
-      {config, clock, edge, mailboxes, fallback_mailboxes, candidate_mailboxes, requests, recorded, published, board},
-      {config::WakeMode::hybrid, microseconds(100), 100});
+  CyclicLoop loop({config, clock, edge, mailboxes, requests, recorded, published, board},
+                  {config::WakeMode::hybrid, microseconds(100), 100});
 
   auto segment = ipc::Segment::create("test-command", ipc::ring_bytes(ipc::command_mailbox()), false).value();
   HoldingPolicy policy(published.observation_descriptor(), segment.fd(), 1, 16, milliseconds(10));
-  mailboxes.want(CommandMailbox::seal(std::move(segment), 1).value());
+  mailboxes[Seat::policy].want(CommandMailbox::seal(std::move(segment), 1).value());
   policy.start();
 
   Outcome outcome;
@@ -121,7 +120,7 @@ DriveEdge make_edge(const config::RobotConfig& robot, const std::string& directo
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
     while (ticks.read_next(std::as_writable_bytes(std::span(&record, 1))).status == ipc::ReadStatus::fresh) {
       outcome.was_tracking |= record.header.mode == Mode::tracking;
-      outcome.commands += record.header.arrival == Arrival::accepted ? 1 : 0;
+      outcome.commands += record.header.seats[Seat::policy].arrival == Arrival::accepted ? 1U : 0U;
       if (record.header.tick >= kArmAtTick && !std::exchange(armed, true)) requests.arm();
     }
   }

@@ -166,8 +166,7 @@ class LoopRig {
         edge(make_edge(joint_count, bus_count, turns)),
         published(PublishedSegments::create(joint_count).value()),
         ticks(published.tick_reader()),
-        loop({config, real_time != nullptr ? *real_time : clock, edge, mailboxes, fallback_mailboxes,
-              candidate_mailboxes, requests, recorded, published, board},
+        loop({config, real_time != nullptr ? *real_time : clock, edge, mailboxes, requests, recorded, published, board},
              timing) {
     for (std::size_t j = 0; j < turns.size(); ++j) config.joints[j].turns = turns[j];
   }
@@ -202,7 +201,7 @@ class LoopRig {
   ScriptedGuard* guard = nullptr;
   FakeTorqueOutput* torque = nullptr;
   DriveEdge edge;
-  MailboxHandover mailboxes, fallback_mailboxes, candidate_mailboxes;
+  PerSeat<MailboxHandover> mailboxes;
   OperatorInbox requests;
   RecordedThrough recorded;
   PublishedSegments published;

@@ -23,7 +23,7 @@ class Robot {
     header.player = player;
     header.bus_count = 2;
     header.age.hold = milliseconds(age_ms);
-    header.fallback.age = milliseconds(age_ms);
+    header.seats[Seat::fallback].age = milliseconds(age_ms);
     header.buses[1].waiting_since = waiting_since;
     watch.take(header);
     told |= watch.overdue(at(ms));

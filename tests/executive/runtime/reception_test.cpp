@@ -50,15 +50,13 @@ class ReceptionTest : public testing::Test {
     EXPECT_NE(mkdtemp(directory_.data()), nullptr);
     drives_ = std::make_unique<SimulatedDrives>(robot_, directory_);
     edge_ = std::make_unique<DriveEdge>(open_edge(robot_, directory_, 5s).value().edge);
-    loop_ = std::make_unique<CyclicLoop>(LoopParts{*config_, clock_, *edge_, mailboxes_, fallback_mailboxes_,
-                                                   candidate_mailboxes_, requests_, recorded_, published_, board_},
-                                         LoopTiming{{}, {}, 1000});
+    loop_ = std::make_unique<CyclicLoop>(
+        LoopParts{*config_, clock_, *edge_, mailboxes_, requests_, recorded_, published_, board_},
+        LoopTiming{{}, {}, 1000});
     follower_ = std::make_unique<TickFollower>(published_.tick_reader(), *config_, [](const TickRecord&) {});
     follower_->tell(incidents_);
-    auto opened =
-        Reception::open(path(), {robot_, *config_, admission_rules(robot_, kPolicyHash),
-                                 admission_rules(robot_, kFallbackHash), published_, mailboxes_, fallback_mailboxes_,
-                                 candidate_mailboxes_, requests_, recorded_, board_, *follower_});
+    auto opened = Reception::open(
+        path(), {robot_, *config_, rules(), published_, mailboxes_, requests_, recorded_, board_, *follower_});
     EXPECT_TRUE(opened) << opened.error();
     reception_ = std::move(*opened);
     reception_->set_realtime(true, false);
@@ -141,7 +139,11 @@ class ReceptionTest : public testing::Test {
   std::unique_ptr<SimulatedDrives> drives_;
   std::unique_ptr<DriveEdge> edge_;
   SystemClock clock_;
-  MailboxHandover mailboxes_, fallback_mailboxes_, candidate_mailboxes_;
+  PerSeat<AdmissionRules> rules() const {
+    const AdmissionRules policy = admission_rules(robot_, kPolicyHash);
+    return {{policy, admission_rules(robot_, kFallbackHash), policy}};
+  }
+  PerSeat<MailboxHandover> mailboxes_;
   OperatorInbox requests_;
   RecordedThrough recorded_;
   StatusBoard board_;
@@ -155,10 +157,8 @@ class ReceptionTest : public testing::Test {
 };
 
 TEST_F(ReceptionTest, ASecondExecutiveIsTurnedAway) {
-  auto second =
-      Reception::open(path(), {robot_, *config_, admission_rules(robot_, kPolicyHash),
-                               admission_rules(robot_, kFallbackHash), published_, mailboxes_, fallback_mailboxes_,
-                               candidate_mailboxes_, requests_, recorded_, board_, *follower_});
+  auto second = Reception::open(
+      path(), {robot_, *config_, rules(), published_, mailboxes_, requests_, recorded_, board_, *follower_});
   ASSERT_FALSE(second);
   EXPECT_THAT(second.error(), HasSubstr(path()));
 }
@@ -199,7 +199,9 @@ TEST_F(ReceptionTest, AReaderOfInputsIsHandedOneSessionAfterTheOther) {
       const ipc::SlotWriter formatted(commands->writable(), ipc::command_mailbox());
       ipc::SlotWriter writer(written->writable(), shape);
       ASSERT_TRUE(ipc::acknowledge(*lease));
-      ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.policy_pid != 0 && s.tick.policy_session != 0; }));
+      ASSERT_TRUE(until([](const StatusSnapshot& s) {
+        return s.policy_pids[Seat::policy] != 0 && s.tick.seats[Seat::policy].session != 0;
+      }));
       EXPECT_FALSE(ipc::Segment::adopt_writable(dup(reader->descriptors.at(0).get()), bytes)) << "sealed";
       writer.publish(std::as_bytes(std::span(&said, 1)));
       EXPECT_FALSE(ipc::is_over(*reader));
@@ -229,22 +231,24 @@ TEST_F(ReceptionTest, ViewersReadBesideTheMonitor) {
 // mailboxes change places.
 TEST_F(ReceptionTest, ACandidateIsSwappedInByNameAndGivenBack) {
   Attached own = attach_policy();
-  ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh; }));
+  ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.tick.seats[Seat::policy].freshness == Freshness::fresh; }));
   EXPECT_THAT(ask(OperatorVerb::swap, kCandidateHash).sentences, HasSubstr("no candidate runs"));
   EXPECT_THAT(ask(OperatorVerb::back).sentences, HasSubstr("in charge already"));
   {
     Attached candidate = attach_policy(Role::candidate_policy);
-    ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.tick.candidate.freshness == Freshness::fresh; }));
+    ASSERT_TRUE(
+        until([](const StatusSnapshot& s) { return s.tick.seats[Seat::candidate].freshness == Freshness::fresh; }));
     EXPECT_EQ(ask(OperatorVerb::status).status.tick.command_policy, kPolicyHash);
     EXPECT_THAT(ask(OperatorVerb::swap, 0xBAD).sentences, HasSubstr("not 0000000000000bad"));
     EXPECT_EQ(ask(OperatorVerb::swap, kCandidateHash).done, 1);
     ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.tick.candidate.in_charge != 0; }));
     ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.tick.command_policy == kCandidateHash; }));
-    ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.tick.candidate.freshness == Freshness::fresh; }))
-        << "the robot's own runs on beside it";
+    ASSERT_TRUE(until([](const StatusSnapshot& s) {
+      return s.tick.seats[Seat::candidate].freshness == Freshness::fresh;
+    })) << "the robot's own runs on beside it";
     EXPECT_THAT(ask(OperatorVerb::swap, kCandidateHash).sentences, HasSubstr("in charge already"));
   }
-  ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.candidate_pid == 0; }));
+  ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.policy_pids[Seat::candidate] == 0; }));
   Hello another = hello(Role::candidate_policy);
   another.policy_hash = 0xBAD;
   const auto refused = ipc::attach(path(), another, 5s);
@@ -287,25 +291,28 @@ class TwoPoliciesTest : public ReceptionTest {
 // tracks.
 TEST_F(TwoPoliciesTest, EachHasASeatOfItsOwnAndArmingWaitsForBoth) {
   const Attached policy = attach_policy();
-  ASSERT_TRUE(until([](const StatusSnapshot& status) { return status.tick.freshness == Freshness::fresh; }));
+  ASSERT_TRUE(until(
+      [](const StatusSnapshot& status) { return status.tick.seats[Seat::policy].freshness == Freshness::fresh; }));
   EXPECT_THAT(ask(OperatorVerb::arm).sentences, HasSubstr("no fresh command of the fallback policy"));
   {
     const Attached fallback = attach_policy(Role::fallback_policy);
     ASSERT_EQ(arm_until_granted(), "");
     ASSERT_TRUE(until([](const StatusSnapshot& status) {
-      return status.tick.mode == Mode::tracking && status.tick.fallback.session == 1 && status.fallback_pid != 0;
+      return status.tick.mode == Mode::tracking && status.tick.seats[Seat::fallback].session == 1 &&
+             status.policy_pids[Seat::fallback] != 0;
     }));
     EXPECT_FALSE(ipc::attach(path(), hello(Role::fallback_policy), 5s)) << "its seat is taken";
   }
-  ASSERT_TRUE(until([](const StatusSnapshot& status) { return status.fallback_pid == 0; }));
+  ASSERT_TRUE(until([](const StatusSnapshot& status) { return status.policy_pids[Seat::fallback] == 0; }));
   const Attached successor = attach_policy(Role::fallback_policy);
   EXPECT_TRUE(until([](const StatusSnapshot& status) {
-    return status.tick.fallback.session == 2 && status.tick.fallback.freshness == Freshness::fresh;
+    return status.tick.seats[Seat::fallback].session == 2 &&
+           status.tick.seats[Seat::fallback].freshness == Freshness::fresh;
   }));
   const StatusSnapshot status = ask(OperatorVerb::status).status;
   EXPECT_EQ(status.tick.mode, Mode::tracking);
   EXPECT_EQ(status.tick.player, Player::policy);
-  EXPECT_EQ(status.tick.policy_session, 1);
+  EXPECT_EQ(status.tick.seats[Seat::policy].session, 1);
 }
 
 TEST_F(ReceptionTest, ASensorReaderIsSentElsewhere) {
@@ -507,13 +514,14 @@ TEST_F(ReceptionTest, ASecondPolicyHearsWhoHoldsTheRoleAndASuccessorMayCountFrom
     ASSERT_FALSE(second);
     EXPECT_THAT(second.error(), HasSubstr(std::to_string(getpid())));
     ASSERT_TRUE(until([](const StatusSnapshot& status) {
-      return status.tick.policy_session == 1 && status.tick.command_sequence > 5;
+      return status.tick.seats[Seat::policy].session == 1 && status.tick.seats[Seat::policy].command_sequence > 5;
     }));
   }
-  ASSERT_TRUE(until([](const StatusSnapshot& status) { return status.policy_pid == 0; }));
+  ASSERT_TRUE(until([](const StatusSnapshot& status) { return status.policy_pids[Seat::policy] == 0; }));
   const Attached successor = attach_policy();
   EXPECT_TRUE(until([](const StatusSnapshot& status) {
-    return status.tick.policy_session == 2 && status.tick.freshness == Freshness::fresh;
+    return status.tick.seats[Seat::policy].session == 2 &&
+           status.tick.seats[Seat::policy].freshness == Freshness::fresh;
   }));
   EXPECT_EQ(ask(OperatorVerb::status).status.arrivals[static_cast<std::size_t>(Arrival::repeated_sequence)], 0U);
 }
@@ -566,7 +574,8 @@ class RecordedReceptionTest : public ReceptionTest {
 
 TEST_F(RecordedReceptionTest, NobodyArmsUntilTheMonitorSaysThatItWrites) {
   const Attached policy = attach_policy();
-  ASSERT_TRUE(until([](const StatusSnapshot& status) { return status.tick.freshness == Freshness::fresh; }));
+  ASSERT_TRUE(until(
+      [](const StatusSnapshot& status) { return status.tick.seats[Seat::policy].freshness == Freshness::fresh; }));
   const OperatorReply alone = ask(OperatorVerb::arm);
   EXPECT_EQ(alone.done, 0);
   EXPECT_THAT(alone.sentences, HasSubstr("nothing is recorded: start takt-monitor"));

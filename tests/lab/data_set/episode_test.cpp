@@ -71,7 +71,8 @@ TEST_F(Episodes, AFrameIsWhatThePolicyWasGivenAndWhatItAskedForThen) {
       const TickRecordHeader& header = at->second.header;
       EXPECT_EQ(header.mode, Mode::tracking);
       if (header.observation_published == 0) continue;
-      const double answered = static_cast<double>(tick_of_observation.at(header.observation_answered));
+      const double answered =
+          static_cast<double>(tick_of_observation.at(header.seats[Seat::policy].observation_answered));
       for (std::size_t joint = 0; joint < joints; ++joint) {
         EXPECT_EQ(episode.states.at(frame * 2 * joints + joint), at->second.joints[joint].q_estimate);
         EXPECT_EQ(episode.states.at((frame * 2 + 1) * joints + joint), at->second.joints[joint].dq_estimate);

@@ -76,15 +76,15 @@ TEST(Condenser, EveryCommandIsToldOnceWithItsAgeAtFirstUse) {
   for (int tick = 0; tick < 1500; ++tick) {
     demo.run(1);
     const TickRecordHeader& header = demo.robot.latest().header;
-    if (header.arrival == Arrival::accepted) first_uses.push_back(header);
+    if (header.seats[Seat::policy].arrival == Arrival::accepted) first_uses.push_back(header);
   }
   ASSERT_GT(first_uses.size(), 50U);
   ASSERT_EQ(demo.command_ages.size(), first_uses.size());
   for (std::size_t i = 0; i < first_uses.size(); ++i) {
     const CommandAge& told = demo.command_ages[i];
     EXPECT_EQ(told.tick, first_uses[i].tick);
-    EXPECT_EQ(told.sequence, first_uses[i].command_sequence);
-    EXPECT_EQ(told.observation, first_uses[i].observation_answered);
+    EXPECT_EQ(told.sequence, first_uses[i].seats[Seat::policy].command_sequence);
+    EXPECT_EQ(told.observation, first_uses[i].seats[Seat::policy].observation_answered);
     EXPECT_EQ(told.age.total(), first_uses[i].age.total());
     EXPECT_EQ(told.age.hold.ns, 0) << "first use";
     EXPECT_EQ(told.unix_ns, first_uses[i].now.ns + kOffset);

@@ -93,7 +93,7 @@ class Watched {
   explicit Watched(config::ChunkMonitors rule) : monitors_(robot_with(std::move(rule))) {
     TickRecordHeader first;
     first.mode = mode;
-    first.policy_session = session;
+    first.seats[Seat::policy].session = session;
     first.observation_published = tick_;
     monitors_.tick(first);
   }
@@ -103,8 +103,8 @@ class Watched {
     header.tick = ++tick_;
     header.now = MonoTime{} + milliseconds(100) * static_cast<std::int64_t>(tick_);
     header.mode = mode;
-    header.policy_session = session;
-    header.arrival = arrival;
+    header.seats[Seat::policy].session = session;
+    header.seats[Seat::policy].arrival = arrival;
     header.observation_published = tick_;
     monitors_.command(chunk_of(steps, tick_ - 1));
     monitors_.tick(header);
@@ -180,7 +180,7 @@ TEST(ChunkMonitors, ADamagedRecordingIsLeftOut) {
   CommandChunk chunk = chunk_of({{0, 0}, {.5F, 0}, {0, 0}, {.5F, 0}});
   TickRecordHeader header;
   header.mode = Mode::tracking;
-  header.arrival = Arrival::accepted;
+  header.seats[Seat::policy].arrival = Arrival::accepted;
   header.observation_published = 1;
   monitors.tick(header);
   for (const auto& [steps, joints] : {std::pair{0, 2}, {4, 3}, {200, 2}, {65535, 65535}}) {

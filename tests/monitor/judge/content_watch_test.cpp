@@ -34,7 +34,7 @@ class Watched {
     tick(Arrival::accepted);
   }
   void tick(Arrival arrival = Arrival::none) {
-    record.header.arrival = arrival;
+    record.header.seats[Seat::policy].arrival = arrival;
     found.take(watch_.tick(record));
   }
   void stand_at(const std::vector<float>& q) {

@@ -45,14 +45,14 @@ class Robot {
     ++header.tick;
     header.now = header.now + milliseconds(1);
     header.previous_mode = header.mode;
-    header.arrival = Arrival::none;
+    header.seats[Seat::policy].arrival = Arrival::none;
     header.overrun_cause = OverrunCause::none;
     header.lateness = microseconds(5);
     header.age.hold = header.age.hold + milliseconds(1);
     if (policy_answers && header.tick % 20 == 0) arrive(parts);
-    header.freshness = header.command_sequence == 0   ? Freshness::missing
-                       : header.age.total() > kMaxAge ? Freshness::stale
-                                                      : Freshness::fresh;
+    header.seats[Seat::policy].freshness = header.seats[Seat::policy].command_sequence == 0 ? Freshness::missing
+                                           : header.age.total() > kMaxAge                   ? Freshness::stale
+                                                                                            : Freshness::fresh;
     for (std::size_t joint = 0; joint < 2; ++joint) {
       record.joints[joint].feedback.received_at = header.now - feedback_age;
       if (drives_reply) ++record.joints[joint].feedback.replies;
@@ -64,9 +64,9 @@ class Robot {
     for (int i = 0; i < ticks; ++i) tick([](TickRecordHeader&) {});
   }
   void arrive(const AgeParts& with) {
-    record.header.arrival = Arrival::accepted;
+    record.header.seats[Seat::policy].arrival = Arrival::accepted;
     record.header.age = with;
-    ++record.header.command_sequence;
+    ++record.header.seats[Seat::policy].command_sequence;
   }
   void enter(Mode mode, Cause cause) {
     tick([&](TickRecordHeader& header) {
@@ -98,7 +98,7 @@ TEST(FaultClassifier, AgePartThatStandsOutNamesTheFault) {
     robot.run(50);
     robot.tick([&](TickRecordHeader& header) {  // the late command, accepted and stale at once
       robot.arrive(robot.parts);
-      header.freshness = Freshness::stale;
+      header.seats[Seat::policy].freshness = Freshness::stale;
     });
     robot.policy_answers = true;
     robot.parts = Robot().parts;
@@ -147,7 +147,7 @@ TEST(FaultClassifier, ReadsTheCommandThatWasRefusedForItsAge) {
   late.header.infer_started_at = observed + milliseconds(2);
   late.header.infer_ended_at = observed + milliseconds(149);
   robot.classifier.command(late);
-  robot.tick([](TickRecordHeader& header) { header.arrival = Arrival::expired_observation; });
+  robot.tick([](TickRecordHeader& header) { header.seats[Seat::policy].arrival = Arrival::expired_observation; });
   robot.policy_answers = true;
   robot.run(300);
   EXPECT_EQ(robot.sentences(), Sentences{"inference_stall: tau_infer 147 ms against a median of 14 ms"});
@@ -156,7 +156,7 @@ TEST(FaultClassifier, ReadsTheCommandThatWasRefusedForItsAge) {
 TEST(FaultClassifier, ACommandThatWasOvertakenIsTooLateNotWrong) {
   Robot robot;
   robot.run(500);
-  robot.tick([](TickRecordHeader& header) { header.arrival = Arrival::overtaken; });
+  robot.tick([](TickRecordHeader& header) { header.seats[Seat::policy].arrival = Arrival::overtaken; });
   robot.run(300);
   for (const std::string& sentence : robot.sentences())
     EXPECT_EQ(sentence.find("controller_integration_error"), std::string::npos) << sentence;
@@ -218,7 +218,7 @@ TEST(FaultClassifier, ALatePublishOfALateThreadIsTheSchedulers) {
     AgeParts late = robot.parts;
     late.publish = milliseconds(61);
     robot.arrive(late);
-    header.freshness = Freshness::stale;
+    header.seats[Seat::policy].freshness = Freshness::stale;
     header.lateness = milliseconds(60);
     header.skipped_periods += 60;
     header.overrun_cause = OverrunCause::preempted;
@@ -231,9 +231,9 @@ TEST(FaultClassifier, ALatePublishOfALateThreadIsTheSchedulers) {
 TEST(FaultClassifier, BadCommandsAreAnIntegrationError) {
   Robot robot;
   robot.run(500);
-  robot.tick([](TickRecordHeader& header) { header.arrival = Arrival::not_finite; });
-  robot.tick([](TickRecordHeader& header) { header.arrival = Arrival::wrong_shape; });
-  robot.tick([](TickRecordHeader& header) { header.arrival = Arrival::not_finite; });
+  robot.tick([](TickRecordHeader& header) { header.seats[Seat::policy].arrival = Arrival::not_finite; });
+  robot.tick([](TickRecordHeader& header) { header.seats[Seat::policy].arrival = Arrival::wrong_shape; });
+  robot.tick([](TickRecordHeader& header) { header.seats[Seat::policy].arrival = Arrival::not_finite; });
   robot.run(300);
   robot.tick([](TickRecordHeader& header) { header.integration_errors += 2; });
   robot.run(300);
@@ -317,12 +317,12 @@ TEST(FaultClassifier, AnImuThatFallsSilentIsASensors) {
 // the same, since that command was 21 ms old when it came.
 TEST(FaultClassifier, APolicyThatComesBackAsAnotherSessionWasAStall) {
   Robot robot;
-  robot.record.header.policy_session = 1;
+  robot.record.header.seats[Seat::policy].session = 1;
   robot.run(501);
   robot.policy_answers = false;
   robot.run(34);
   robot.policy_answers = true;
-  robot.record.header.policy_session = 2;
+  robot.record.header.seats[Seat::policy].session = 2;
   robot.run(300);
   EXPECT_EQ(robot.sentences(),
             Sentences{"inference_stall: no command came for 40 ms, and the next were another policy process's"});
@@ -496,7 +496,7 @@ TEST(FaultClassifier, ADriveThatWaitedInVainIsTheSchedulers) {
 TEST(FaultClassifier, TroublesFarApartAreTwoAndNearOnesAreOne) {
   Robot robot;
   robot.run(500);
-  const auto refuse = [](TickRecordHeader& header) { header.arrival = Arrival::corrupt; };
+  const auto refuse = [](TickRecordHeader& header) { header.seats[Seat::policy].arrival = Arrival::corrupt; };
   robot.tick(refuse);
   robot.run(90);
   robot.tick(refuse);
@@ -518,7 +518,7 @@ TEST(FaultText, OrdersByGravityAndGroupsLateWakeUps) {
     });
     robot.run(300);
   }
-  robot.tick([](TickRecordHeader& header) { header.arrival = Arrival::corrupt; });
+  robot.tick([](TickRecordHeader& header) { header.seats[Seat::policy].arrival = Arrival::corrupt; });
   robot.run(300);
   robot.enter(Mode::damped_stop, Cause::envelope_exceeded);
   robot.run(300);

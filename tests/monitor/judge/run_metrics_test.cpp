@@ -35,11 +35,11 @@ TEST_F(RunMetricsTest, CountsAreTheTicksOwn) {
   (void)scan_run(run_, {.tick =
                             [&](const RecordedTick& tick) {
                               const TickRecordHeader& header = tick.record.header;
-                              accepted += header.arrival == Arrival::accepted ? 1U : 0U;
+                              accepted += header.seats[Seat::policy].arrival == Arrival::accepted ? 1U : 0U;
                               if (header.previous_mode != Mode::tracking && header.previous_mode != Mode::degraded)
                                 return;
                               ++relied;
-                              missed += is_usable(header.freshness) ? 0U : 1U;
+                              missed += is_usable(header.seats[Seat::policy].freshness) ? 0U : 1U;
                               oldest = std::max(oldest, header.age.total().ns);
                             },
                         .command = {},
@@ -83,8 +83,8 @@ TEST(MetricsCollector, CountsTicksThatReliedOnAPolicyWithoutAFreshFallback) {
   const auto tick = [&](Mode mode, std::uint8_t session, Freshness freshness) {
     ++record.header.tick;
     record.header.mode = record.header.previous_mode = mode;
-    record.header.fallback.session = session;
-    record.header.fallback.freshness = freshness;
+    record.header.seats[Seat::fallback].session = session;
+    record.header.seats[Seat::fallback].freshness = freshness;
     collector.tick(record);
   };
   tick(Mode::tracking, 0, Freshness::missing);  // the robot has none

@@ -58,14 +58,14 @@ std::vector<std::size_t> range(std::size_t first, std::size_t count) {
 
 TEST(TickSchema, TablesCoverEverythingButReservedBytes) {
   std::vector<std::size_t> expected = range(offsetof(TickRecordHeader, buses), sizeof(TickRecordHeader::buses));
-  const auto reserved_in_fallback = range(offsetof(TickRecordHeader, fallback) + offsetof(FallbackRecord, reserved),
-                                          sizeof(FallbackRecord::reserved));
-  expected.insert(expected.end(), reserved_in_fallback.begin(), reserved_in_fallback.end());
-  const auto reserved_in_candidate = range(offsetof(TickRecordHeader, candidate) + offsetof(CandidateRecord, reserved),
-                                           sizeof(CandidateRecord::reserved));
-  expected.insert(expected.end(), reserved_in_candidate.begin(), reserved_in_candidate.end());
   const auto reserved = range(offsetof(TickRecordHeader, reserved), sizeof(TickRecordHeader::reserved));
   expected.insert(expected.end(), reserved.begin(), reserved.end());
+  for (std::size_t seat = 0; seat < kSeatCount; ++seat) {
+    const auto of_seat =
+        range(offsetof(TickRecordHeader, seats) + seat * sizeof(SeatRecord) + offsetof(SeatRecord, reserved),
+              sizeof(SeatRecord::reserved));
+    expected.insert(expected.end(), of_seat.begin(), of_seat.end());
+  }
   EXPECT_EQ(uncovered(header_fields(), sizeof(TickRecordHeader)), expected);
   EXPECT_EQ(uncovered(bus_fields(), sizeof(BusHealth)), range(offsetof(BusHealth, reserved), 2));
   EXPECT_EQ(uncovered(joint_fields(), sizeof(JointRecord)),

@@ -115,10 +115,10 @@ void VirtualRobot::answer(const Observation& observation) {
 void VirtualRobot::publish() {
   ticks_.writer.publish(bytes_of(output_->record).first(output_->record.used_bytes()));
   const TickTag tag{input_->tick};
-  if (input_->policy.command != nullptr) {
-    const auto message = bytes_of(*command_).first(input_->policy.bytes);
+  if (input_->messages[Seat::policy].command != nullptr) {
+    const auto message = bytes_of(*command_).first(input_->messages[Seat::policy].bytes);
     CommandTag command{input_->tick, static_cast<std::uint32_t>(message.size()), 0};
-    const bool is_cut = cuts_what_is_refused && output_->record.header.arrival != Arrival::accepted;
+    const bool is_cut = cuts_what_is_refused && output_->record.header.seats[Seat::policy].arrival != Arrival::accepted;
     if (is_cut) command.crc = ipc::crc32c(message);
     commands_.writer.publish(bytes_of(command), is_cut ? message.first(sizeof(CommandHeader)) : message);
   }
@@ -141,15 +141,15 @@ void VirtualRobot::step() {
   input_->operator_request = input_->tick == arm_at ? OperatorRequest::arm : OperatorRequest::none;
   if (mark_at != 0 && input_->tick == mark_at) input_->operator_request = OperatorRequest::mark;
   if (spoil_input) spoil_input(*input_);
-  input_->policy.mailbox = Arrival::none;
-  input_->policy.command = nullptr;
-  input_->policy.bytes = 0;
+  input_->messages[Seat::policy].mailbox = Arrival::none;
+  input_->messages[Seat::policy].command = nullptr;
+  input_->messages[Seat::policy].bytes = 0;
   if (!answers_.empty() && answers_.front().due <= input_->tick) {
     command_ = std::move(answers_.front().chunk);
     answers_.erase(answers_.begin());
-    input_->policy.mailbox = Arrival::accepted;
-    input_->policy.command = command_.get();
-    input_->policy.bytes = command_->used_bytes();
+    input_->messages[Seat::policy].mailbox = Arrival::accepted;
+    input_->messages[Seat::policy].command = command_.get();
+    input_->messages[Seat::policy].bytes = command_->used_bytes();
   }
   pipeline::control_tick(*state_, *input_, config_, *output_);
   if (output_->observation_due && !policy_is_frozen) answer(output_->observation);

@@ -14,10 +14,10 @@ TickRecord first_use(std::uint64_t tick) {
   TickRecord record;
   record.header.tick = tick;
   record.header.now = MonoTime{1'000'000'000} + milliseconds(static_cast<std::int64_t>(tick));
-  record.header.arrival = Arrival::accepted;
-  record.header.freshness = Freshness::fresh;
-  record.header.command_sequence = 7;
-  record.header.observation_answered = 5;
+  record.header.seats[Seat::policy].arrival = Arrival::accepted;
+  record.header.seats[Seat::policy].freshness = Freshness::fresh;
+  record.header.seats[Seat::policy].command_sequence = 7;
+  record.header.seats[Seat::policy].observation_answered = 5;
   record.header.mode = Mode::tracking;
   record.header.age = {milliseconds(3), milliseconds(4), milliseconds(8), milliseconds(1), {}};
   return record;
@@ -69,19 +69,19 @@ TEST_F(CommandTracesTest, ATickWithoutFramesActuatesAtOnce) {
 
 TEST_F(CommandTracesTest, OnlyAFirstUseMakesATrace) {
   TickRecord later = first_use(101);
-  later.header.arrival = Arrival::none;
+  later.header.seats[Seat::policy].arrival = Arrival::none;
   later.header.age.hold = milliseconds(1);
   traces_.tick(later);
   TickRecord spent = first_use(103);
-  spent.header.freshness = Freshness::missing;
+  spent.header.seats[Seat::policy].freshness = Freshness::missing;
   traces_.tick(spent);
   EXPECT_TRUE(made_.empty());
 }
 
 TEST_F(CommandTracesTest, ARefusedCommandIsTracedAsRefused) {
   TickRecord refused = first_use(102);
-  refused.header.arrival = Arrival::not_finite;
-  refused.header.command_sequence_seen = 77;
+  refused.header.seats[Seat::policy].arrival = Arrival::not_finite;
+  refused.header.seats[Seat::policy].command_sequence_seen = 77;
   traces_.tick(refused);
   ASSERT_EQ(made_.size(), 1U);
   EXPECT_EQ(made_[0].arrival, Arrival::not_finite);

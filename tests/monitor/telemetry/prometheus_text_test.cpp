@@ -30,7 +30,7 @@ std::string text_of_a_run(const std::string& run_id = "run-1") {
   for (int tick = 0; tick < 400; ++tick) {
     robot.run(1);
     TickRecord record = robot.latest();
-    record.header.fallback.session = 1;  // as of a robot with everything
+    record.header.seats[Seat::fallback].session = 1;  // as of a robot with everything
     metrics.tick(record);
   }
   metrics.loss({"tick", "overwritten", 3, 1, 5});
@@ -163,9 +163,9 @@ TEST(PrometheusText, OnlyARobotWithAFallbackPolicyTellsWhetherItIsThere) {
     return at == std::string::npos ? ' ' : text[text.find('\n', at + 1) - 1];
   };
   EXPECT_EQ(told(), ' ');
-  record.header.fallback.session = 1;
+  record.header.seats[Seat::fallback].session = 1;
   EXPECT_EQ(told(), '0');
-  record.header.fallback.freshness = Freshness::aging;
+  record.header.seats[Seat::fallback].freshness = Freshness::aging;
   EXPECT_EQ(told(), '1');
 }
 

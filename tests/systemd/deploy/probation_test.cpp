@@ -49,8 +49,8 @@ Ended judged(const std::string& script, WantedHosts wanted = {}) {
       status.emplace();
       ticks = script[i] == 'R' ? 1 : ticks + 100;
       status->ticks = ticks;
-      status->policy_pid = script[i] == 'p' ? 0 : 7;
-      status->fallback_pid = script[i] == 'w' || script[i] == 'v' ? 0 : 9;
+      status->policy_pids[Seat::policy] = script[i] == 'p' ? 0 : 7;
+      status->policy_pids[Seat::fallback] = script[i] == 'w' || script[i] == 'v' ? 0 : 9;
       status->monitor_pid = script[i] == 'm' || script[i] == 'u' ? 0 : 8;
       status->tick.mode = mode_of(script[i]);
     }

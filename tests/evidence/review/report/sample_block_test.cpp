@@ -23,7 +23,7 @@ class SampleBlockTest : public testing::Test {
     record->header.tick = number;
     record->header.joint_count = kJoints;
     record->header.bus_count = kBuses;
-    record->header.freshness = Freshness::fresh;
+    record->header.seats[Seat::policy].freshness = Freshness::fresh;
     record->header.age.infer = {static_cast<std::int64_t>(age_ms * 1e6)};
     alter(*record);
     builder_.tick(*record, 0.001 * static_cast<double>(number), context_);
@@ -107,7 +107,7 @@ TEST_F(SampleBlockTest, MasksAreJoinedAndCountersBecomeDifferences) {
 }
 
 TEST_F(SampleBlockTest, WhatDoesNotExistIsNotDrawn) {
-  tick(1, 1, [](TickRecord& record) { record.header.freshness = Freshness::missing; });
+  tick(1, 1, [](TickRecord& record) { record.header.seats[Seat::policy].freshness = Freshness::missing; });
   const std::vector<float> target{0.5F, -0.5F};
   context_.policy_target = target;
   tick(2, 1);
