@@ -14,7 +14,7 @@ import tempfile
 
 LOST_AT_1025 = (1200, [[1025, "command_lost"]])
 # Of each run: ticks, and the stops with their ticks and causes; and the version that it is of.
-RUNS = {"0.2.0": ("0.2.0", 1000, [[925, "command_lost"]])} | {commit: ("of an unknown version", *LOST_AT_1025) for commit in ("6424c12b", "b59538d6", "bbb22ff3", "caeaae71", "31963ab5")}
+RUNS = {"0.2.0": ("0.2.0", 1000, [[925, "command_lost"]])} | {commit: ("of an unknown version", *LOST_AT_1025) for commit in ("6424c12b", "b59538d6", "bbb22ff3", "84e8c24f", "caeaae71", "31963ab5")}
 
 
 def takt(bin_dir, *words):
