@@ -12,6 +12,7 @@
 #include <string_view>
 
 #include "executive/hazards/hazard_table.hpp"
+#include "tests/docs/proof_name.hpp"
 #include "tests/exploration/reaction_times.hpp"
 #include "tests/exploration/world.hpp"
 
@@ -32,7 +33,7 @@ std::string_view category(Stop stop) {
     case Stop::category_1:
       return "1";
     case Stop::category_2_damping:
-      return "2, damping only";
+      return "2d";
     case Stop::category_2:
       return "2";
   }
@@ -65,33 +66,28 @@ std::string ids(SetOf<Unsafe> set) {
   return text;
 }
 
-std::string milliseconds_text(Duration time) {
-  return fmt::format("{:.1f} ms", time.milliseconds());
-}
-
-// Scope by scope: the joints, what hangs on them, the rest of the robot.
+// The whole robot's stop, or scope by scope: the joints, what hangs on them, the rest of the robot.
 std::string stop_text(const Reaction& reaction) {
   const pipeline::Scope& stops = reaction.stops;
-  if (stops.robot == Stop::none) return "none";
-  if (stops.joints == Stop::none) return std::string(category(stops.robot));
-  return fmt::format("{}; what hangs on it: {}; rest: {}", category(stops.joints), category(stops.hanging),
-                     category(stops.robot));
+  if (stops.robot == Stop::none) return "no stop";
+  if (stops.joints == Stop::none) return fmt::format("stop {}", category(stops.robot));
+  return fmt::format("stop {}/{}/{}", category(stops.joints), category(stops.hanging), category(stops.robot));
 }
 
 void print_head() {
   fmt::print(R"(# Hazards
 
-What can go wrong with a robot under Takt, how it is found, how fast Takt reacts, which test proves it, and what no
-software here can do.
-The terms are those of STPA (N. G. Leveson and J. P. Thomas, STPA Handbook, 2018) and of IEC 60204-1 (stop categories).
+What can go wrong with a robot under Takt, how fast Takt reacts, which test proves it, and what stays to other devices.
+The terms are those of STPA (Leveson and Thomas, STPA Handbook, 2018) and of IEC 60204-1 (stop categories).
 
 **This page claims conformance to no standard.**
 Takt is not a safety-rated control system, and none of its stops is an emergency stop.
-It runs on a general-purpose computer, and its single channel fails with that computer.
+Its single channel fails with the general-purpose computer that it runs on.
 A robot's assessment has to name the devices of the last section.
 
-Made by `build/release/bin/hazard_page >docs/hazards.md` out of `executive/hazards` and the reaction table.
-`ctest -R hazards` runs every proof and measures every time again.
+Made by `build/release/bin/hazard_page >docs/hazards.md`.
+`ctest -R hazards` runs every proof and measures every time again; one without a program's name is of `pipeline_test`.
+`./dev mutants` plants a fault for each row, which one of its proofs has to notice ([mutants.md](mutants.md)).
 
 ```
  operator ── arm, stop, disarm ──► executive ── frames ──► drives ──► joints
@@ -113,19 +109,17 @@ void print_losses_and_hazards() {
 
 void print_unsafe_actions() {
   fmt::print(
-      "\n## Unsafe control actions\n\nWrong time: too early, too late, out of order. "
+      "\n## Unsafe control actions\n\nWrong time: too early, too late, out of order.\n"
       "Wrong length: ended too soon, lasts too long.\n");
   for (const ActionRow& action : kActions) {
     fmt::print(
-        "\n### {}\n\nFrom {}.\n\n| | when | unsafe because | hazards | what the executive does | proof | planted fault "
-        "that it notices |\n",
+        "\n### {}\n\nFrom {}.\n\n| | when | unsafe because | hazards | what the executive does | proof |\n"
+        "|---|---|---|---|---|---|\n",
         action.name, action.from);
-    fmt::print("|---|---|---|---|---|---|---|\n");
     for (const UnsafeRow& row : kUnsafe)
       if (row.action == action.action)
-        fmt::print("| {} | {} | {} | {} | {} | `{}` | {} |\n", id(row.id),
-                   kGuides.at(static_cast<std::size_t>(row.guide)), row.text, ids(row.hazards), row.constraint,
-                   row.proof, row.mutant.empty() ? "-" : row.mutant);
+        fmt::print("| {} | {} | {} | {} | {} | `{}` |\n", id(row.id), kGuides.at(static_cast<std::size_t>(row.guide)),
+                   row.text, ids(row.hazards), row.constraint, docs::short_name(row.proof));
   }
 }
 
@@ -133,29 +127,27 @@ void print_times(const ReactionTimes& times) {
   fmt::print(R"(
 ## Reaction times
 
-Measured in virtual time with the executive's own loop at 1 kHz, drivers and guard, and simulated drives of
-`config/dual_arm12.yaml`: from the deviation to the last frame of the tick that reacts.
-The worst of the strikes counts, on every joint or bus that can be struck, at five instants of a period.
-The bound is the reaction table's in that file's figures, plus one period, one tick, and what the world takes to show it
-(an ODrive reports every 10 ms, the policy answers after 12 ms).
+In milliseconds of virtual time, from the deviation to the last frame of the tick that reacts: the executive's own loop
+at 1 kHz, drivers and guard, with simulated drives of `config/dual_arm12.yaml`.
+Worst: on every joint or bus that can be struck, at five instants of a period.
+Bound: the reaction table's, one period, one tick, and what the world takes to show it (an ODrive reports every 10 ms,
+the policy answers after 12 ms).
 Coming to rest takes further time; so does a real computer's lateness ([performance.md](performance.md)).
 
-| cause | counted from | strikes | worst | bound |
-|---|---|---|---|---|
+| cause | counted from | worst | bound |
+|---|---|---|---|
 )");
   for (const ReactionTime& time : times)
-    fmt::print("| `{}` | {} | {} | {} | {} |\n", name(time.cause), time.from, time.strikes,
-               milliseconds_text(time.worst), time.bound ? milliseconds_text(*time.bound) : "by chance");
+    fmt::print("| `{}` | {} | {:.1f} | {} |\n", name(time.cause), time.from, time.worst.milliseconds(),
+               time.bound ? fmt::format("{:.1f}", time.bound->milliseconds()) : "chance");
 }
 
 void print_cause(const Row& row) {
   fmt::print("\n### `{}`\n\n", name(row.cause));
-  fmt::print("- {}; answers {}; stop category {}; covered by {}\n", ids(row.hazards), ids(row.unsafe),
-             stop_text(pipeline::reaction(row.cause)), ids(row.devices, 'X', kDevices.size()));
-  fmt::print("- Scenario: {}\n- Found by: {}\n", row.scenario, row.found);
-  fmt::print("- Proofs: `{}`, `{}`\n", row.proofs[0], row.proofs[1]);
-  if (!row.mutant.empty()) fmt::print("- Planted fault: {}\n", row.mutant);
-  fmt::print("- Residual risk: {}\n", row.residual);
+  fmt::print("{}; {}; {}; {}\n\n", ids(row.hazards), ids(row.unsafe), stop_text(pipeline::reaction(row.cause)),
+             ids(row.devices, 'X', kDevices.size()));
+  fmt::print("- {}\n- found: {}\n- risk: {}\n", row.scenario, row.found, row.residual);
+  fmt::print("- `{}`,\n  `{}`\n", docs::short_name(row.proofs[0]), docs::short_name(row.proofs[1]));
 }
 
 void print_devices() {
@@ -176,11 +168,12 @@ int print_page() {
   fmt::print(R"(
 ## Causes
 
-Each entry names its hazards, the unsafe control actions that it answers, and the devices that have to cover it.
+Each entry has its hazards, the unsafe control actions that it answers, its stop, and the devices that have to cover it;
+how it comes about, how it is found, which risk stays, and its proofs.
+A share, count or time in "found" is a limit that is exceeded.
+A stop's categories: 0: power off at once; 1: to rest, then power off; 2: to rest, power stays; 2d: 2 by damping only.
+Three categories are those of the joints that the cause is about, what hangs on them, and the rest.
 Modes, bounds and what clears a cause: [modes.md](modes.md#which-cause-leads-where).
-Stop categories: of the joints that the cause is about, what hangs on them, the rest; one figure: of the whole robot.
-0: power off at once; 1: to rest, then power off; 2: to rest, power stays.
-A planted fault is one that a proof notices ([mutants.md](mutants.md)).
 )");
   for (const Row& row : kRows) print_cause(row);
   print_devices();

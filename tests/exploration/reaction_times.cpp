@@ -203,14 +203,13 @@ std::expected<std::vector<ReactionTime>, std::string> measure_reaction_times(con
   };
   for (const Strike& strike : kStrikes) {
     const config::RobotConfig& robot = struck(strike.cause);
-    ReactionTime row{strike.cause, strike.from, 0, {}, finding(strike, robot)};
+    ReactionTime row{strike.cause, strike.from, {}, finding(strike, robot)};
     // A deviation may begin just after a tick looked: one period more than the table's tick.
     if (row.bound) row.bound = *row.bound + strike.shows + robot.control.period * 2;
     for (std::size_t index = 0; index < places(strike.what, robot); ++index) {
       for (int phase = 0; phase < kPhases && can_strike(strike, robot, index); ++phase) {
         const auto took = react(robot, strike, index, Duration{robot.control.period.ns * phase / kPhases});
         if (!took) return std::unexpected(fmt::format("{}: not met where {} is struck", name(strike.cause), index));
-        ++row.strikes;
         row.worst = std::max(row.worst, *took);
       }
     }

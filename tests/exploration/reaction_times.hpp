@@ -19,8 +19,7 @@ namespace takt::exploration {
 struct ReactionTime {
   Cause cause = Cause::none;
   std::string_view from;  // the instant that it is counted from
-  int strikes = 0;        // each joint or bus that can be struck, at instants spread over a period
-  Duration worst;         // of them
+  Duration worst;         // on each joint or bus that can be struck, at instants spread over a period
   // What the table's bound is for this robot and strike: finding it, two ticks, and what the world takes to show it.
   // None: it comes by chance.
   std::optional<Duration> bound;
