@@ -8,13 +8,12 @@
 #include <cstdio>
 #include <set>
 #include <span>
-#include <sstream>
 #include <string>
 
-#include "config/key_table.hpp"
 #include "executive/pipeline/mode_machine.hpp"
 #include "tests/docs/mode_rules.hpp"
 #include "tests/docs/mode_situations.hpp"
+#include "tests/docs/proof_name.hpp"
 
 namespace takt::docs {
 namespace {
@@ -28,22 +27,14 @@ constexpr std::array kRules{
     std::span<const Rule>(kLimitRules),
 };
 
-constexpr std::array<std::string_view, 12> kKeys{
-    "freshness.max_age",     "freshness.aging_fraction", "freshness.recover_after",
-    "freshness.flap_memory", "freshness.stop_after",     "degraded.behaviour",
-    "degraded.speed_scale",  "degraded.resume_over",     "degraded.after",
-    "degraded.for",          "stops.NAME.how",           "feedback.rest_velocity",
-};
-
 void print_head() {
   fmt::print(R"(# Modes, stops and resets
 
 What each joint is given in every mode, which cause leads where, and what every request asks, refuses and does.
 
-Made by `build/release/bin/mode_page >docs/modes.md`.
-The tables of joints, requests, instants and limits are measured: the tick is run into each situation in virtual time.
-The table of causes is the executive's own (`executive/pipeline/mode_machine.hpp`).
-`ctest -R docs_modes` measures again, and runs every test that is named here.
+Made by `build/release/bin/mode_page >docs/modes.md`: all tables but those of rules and causes are measured.
+`ctest -R docs_modes` measures again, and runs every test that is named here; one without a program's name is of
+`pipeline_test`.
 
 ```
              arm              enabled            late, violated
@@ -60,29 +51,36 @@ Only an operator leads from `damped_stop` or `fault_latched` to standby: by a re
 
 void print_rules(std::span<const Rule> rules) {
   fmt::print("\n| rule | test |\n|---|---|\n");
-  for (const Rule& rule : rules) fmt::print("| {} | `{}` |\n", rule.text, rule.proof);
+  for (const Rule& rule : rules) fmt::print("| {} | `{}` |\n", rule.text, short_name(rule.proof));
 }
 
 void print_situations(const std::vector<Situation>& situations) {
   fmt::print(R"(
 ## What each joint is given
 
-A joint's torque is `stiffness · (reference − position) + damping · (velocity setpoint − velocity) + gravity + torque`.
+A joint's torque is `kp · (reference − position) + kd · (velocity setpoint − velocity) + gravity + torque`.
 Gravity is the model's torque; a robot without a `model` has none.
+Gains: "joint's" are `gains.kp` and `gains.kd`; "damping" is `gains.damping` with kp 0; "command's" are those of the
+command that is played.
+"Brakes": along `limits.acceleration`, then it stays.
 
-| mode | when, or which joint | drive | reference | stiffness | damping | gravity | torque |
-|---|---|---|---|---|---|---|---|
+| mode | when, or which joint | reference | gains | torque |
+|---|---|---|---|---|
 )");
-  for (const auto& [mode, when, given] : situations)
-    fmt::print("| {} | {} | {} | {} | {} | {} | {} | {} |\n", mode, when, given.drive, given.reference, given.stiffness,
-               given.damping, given.gravity, given.torque);
+  for (auto row = situations.begin(); row != situations.end();) {
+    const auto is_other = [&](const Situation& one) { return one.mode != row->mode || one.given != row->given; };
+    const auto end = std::ranges::find_if(row, situations.end(), is_other);
+    fmt::print("| {} | {}", row->mode, row->when);
+    for (auto same = row + 1; same != end; ++same) fmt::print("; {}", same->when);
+    fmt::print(" | {} | {} | {} |\n", row->given.reference, row->given.gains, row->given.torque);
+    row = end;
+  }
   print_rules(kGivenRules);
 }
 
 std::string_view meaning(std::string_view instant) {
   if (instant == "aging") return "the command is `aging`: usable still";
-  if (instant == "stale")
-    return "the command is `stale`: each joint brakes, and then stays; the mode is still `tracking`";
+  if (instant == "stale") return "the command is `stale`: each joint brakes; the mode is still `tracking`";
   if (instant == "command_late") return "`command_late`: degraded, by `degraded.behaviour`";
   return "`command_lost`: damped stop";
 }
@@ -102,34 +100,69 @@ The demo arm (`config/arm6.yaml`), in ticks of 1 ms:
   print_rules(kSilenceRules);
 }
 
-// "arming tracking → damped_stop", one target after the other.
-std::string leads_to(const Reaction& row) {
-  std::string text;
-  for (std::size_t to = 0; to < kModeCount; ++to) {
-    std::string from;
-    for (std::size_t mode = 0; mode < kModeCount; ++mode)
-      if (mode != to && row.to.at(mode) == static_cast<Mode>(to))
-        from += fmt::format("{}{}", from.empty() ? "" : ", ", name(static_cast<Mode>(mode)));
-    if (!from.empty()) text += fmt::format("{}{} → {}", text.empty() ? "" : "; ", from, name(static_cast<Mode>(to)));
-  }
-  return text;
+// Every mode that a cause leads on from, of the modes in the order of their gravity: "arming, tracking".
+std::string origins(const Reaction& row, Mode to) {
+  std::string from;
+  for (std::size_t mode = 0; mode < kModeCount; ++mode)
+    if (static_cast<Mode>(mode) != to && row.to.at(mode) == to)
+      from += fmt::format("{}{}", from.empty() ? "" : ", ", name(static_cast<Mode>(mode)));
+  return from;
 }
 
+// From where most causes lead on; "": there is no such rule.
+std::string usual_origins(Mode to) {
+  if (to == Mode::damped_stop) return "arming, tracking, degraded";
+  if (to == Mode::fault_latched) return "arming, tracking, degraded, damped_stop";
+  return to == Mode::degraded ? "tracking" : "";
+}
+
+// What becomes of the power, where it is not what the mode says.
 std::string_view power(const Reaction& row) {
-  if (row.stops.joints != Stop::none) return "off at the joints it is about";
+  if (row.stops.joints != Stop::none) return "";
   switch (row.stops.robot) {
     case Stop::none:
+    case Stop::category_1:  // its bound says it
+    case Stop::category_2:
       return "";
     case Stop::category_0:
-      return "off";
-    case Stop::category_1:
-      return "on until rest, then off";
+      return ", power off";
     case Stop::category_2_damping:
-      return "on, damping only";
-    case Stop::category_2:
-      return "on";
+      return ", all damping";
   }
   return "";
+}
+
+std::string leads_to(const Reaction& row) {
+  std::string text;
+  for (std::size_t mode = 0; mode < kModeCount; ++mode) {
+    const auto to = static_cast<Mode>(mode);
+    const std::string from = origins(row, to);
+    if (from.empty()) continue;
+    text += text.empty() ? "" : "; ";
+    if (from != usual_origins(to)) text += from + " → ";
+    text += name(to);
+  }
+  return text.append(power(row));
+}
+
+std::string without_end(std::string_view text, std::string_view end) {
+  if (text.ends_with(end)) text.remove_suffix(end.size());
+  return std::string(text);
+}
+
+// Of faults that a share of a window is, the same words.
+std::string clears_when(const Reaction& row) {
+  if (row.bound.starts_with("bus_faults.window")) return "its share of the window falls to the limit";
+  return without_end(without_end(row.clears_when, "; then takt reset"), "; mode: contract_restored");
+}
+
+// Those that must be gone before a reset is granted.
+std::string lasting_faults() {
+  std::string text;
+  for (const Reaction& row : pipeline::kReactions)
+    if ((pipeline::kLastingFaults & pipeline::bit(row.cause)) != 0)
+      text += fmt::format("{}`{}`", text.empty() ? "" : ", ", name(row.cause));
+  return text;
 }
 
 void print_causes() {
@@ -137,34 +170,56 @@ void print_causes() {
 ## Which cause leads where
 
 The gravest cause is first: of all that hold in a tick, the first one that leads on from the present mode decides.
-`temperature_high` is told and leads nowhere, unless `degraded.by_temperature` is true; `following_error` likewise,
-unless `feedback.following` is `degrade`.
-"Clears when" says when a cause no longer blocks arming; a reset asks only for rest and for what "blocks a reset".
 What each cause is, and what it leaves to other devices: [hazards.md](hazards.md).
 
-| cause | leads | power | within | blocks a reset | clears when |
-|---|---|---|---|---|---|
-)");
+- Where no origin is named: to degraded from tracking; to damped_stop from arming, tracking and degraded; to
+  fault_latched also from damped_stop.
+- A damped stop leaves the power on; a fault takes it from the joints that it is about.
+- Within: one tick, or one tick after what is named.
+- Clears when: then it blocks arming no longer.
+  Out of damped_stop and fault_latched leads `takt reset` alone, out of degraded `contract_restored`.
+- A reset asks for rest, and for the end of these causes alone:
+  {}.
+- `temperature_high` is only told, unless `degraded.by_temperature` is true; `following_error`, unless
+  `feedback.following` is `degrade`.
+
+| cause | leads to | within | clears when |
+|---|---|---|---|
+)",
+             lasting_faults());
   std::vector<Reaction> rows(pipeline::kReactions.begin() + 1, pipeline::kReactions.end());
   std::ranges::sort(rows, std::ranges::greater{}, &Reaction::severity);
-  for (const Reaction& row : rows)
-    fmt::print("| `{}` | {} | {} | {} | {} | {} |\n", name(row.cause), leads_to(row), power(row), row.bound,
-               (pipeline::kLastingFaults & pipeline::bit(row.cause)) != 0 ? "yes" : "", row.clears_when);
+  const auto cells = [](const Reaction& row) {
+    return fmt::format("{} | {} | {}", leads_to(row), without_end(row.bound, ", one tick"), clears_when(row));
+  };
+  for (auto row = rows.begin(); row != rows.end();) {
+    const auto is_other = [&](const Reaction& one) { return cells(one) != cells(*row); };
+    const auto end = std::ranges::find_if(row, rows.end(), is_other);
+    fmt::print("| `{}`", name(row->cause));
+    for (auto same = row + 1; same != end; ++same) fmt::print(", `{}`", name(same->cause));
+    fmt::print(" | {} |\n", cells(*row));
+    row = end;
+  }
 }
 
 void print_requests(const std::vector<RequestRow>& rows) {
   fmt::print(R"(
 ## What a request does
 
-The mode one tick after the request, by the mode in which it comes. "not there": the mode is not kept until then.
+The mode one tick after the request, by the mode in which it comes. "not there": the mode is left before.
 
 | request |)");
   for (std::size_t mode = 0; mode < kModeCount; ++mode) fmt::print(" {} |", name(static_cast<Mode>(mode)));
   fmt::print("\n|---|---|---|---|---|---|---|\n");
-  for (const RequestRow& row : rows) {
-    fmt::print("| {} |", row.request);
-    for (const std::string& to : row.leads_to) fmt::print(" {} |", to);
+  for (auto row = rows.begin(); row != rows.end();) {
+    const auto end =
+        std::ranges::find_if(row, rows.end(), [&](const auto& other) { return other.leads_to != row->leads_to; });
+    fmt::print("| {}", row->request);
+    for (auto same = row + 1; same != end; ++same) fmt::print("; {}", same->request);
+    fmt::print(" |");
+    for (const std::string& to : row->leads_to) fmt::print(" {} |", to);
     fmt::print("\n");
+    row = end;
   }
 }
 
@@ -184,13 +239,10 @@ void print_commands() {
   fmt::print(R"(
 ### Exit codes
 
-| command | 0 | 1 | 69 |
-|---|---|---|---|
-| `takt arm` | arming | refused: what is missing, one per line | no executive answers |
-| `takt stop` | taken, even if no tick read it within 0.1 s; then it prints `the control thread did not answer in time` | | no executive answers; if the stop was handed over all the same, the line says so |
-| `takt reset` | in standby | refused: it moves, or what still holds; the robot is armed | no executive answers |
-
-So a script that has to know reads the mode from `takt status --json`, and not the exit code of `takt stop`.
+0: done; 1: refused (`takt arm`, `takt reset`), with what is missing or still holds.
+69: no executive answers; a stop may have been handed over all the same, and the line says so.
+`takt stop` also ends with 0 when no tick read it within 0.1 s; it prints `the control thread did not answer in time`.
+A script that has to know reads the mode from `takt status --json`.
 All codes: [exit-codes.md](exit-codes.md).
 )");
 }
@@ -199,23 +251,13 @@ void print_limits(const std::vector<Exceeded>& rows) {
   fmt::print(R"(
 ## What a limit leads to
 
-| key | exceeded by | cause | mode | every drive keeps its power | test |
-|---|---|---|---|---|---|
+| key | exceeded by | leads to | test |
+|---|---|---|---|
 )");
   for (const Exceeded& row : rows)
-    fmt::print("| `{}` | {} | `{}` | {} | {} | `{}` |\n", row.key, row.how, row.cause, row.mode,
-               row.keeps_power ? "yes" : "no", row.proof);
+    fmt::print("| `{}` | {} | `{}`, {}{} | `{}` |\n", row.key, row.how, row.cause, row.mode,
+               row.keeps_power ? "" : ", a drive loses power", short_name(row.proof));
   print_rules(kLimitRules);
-}
-
-void print_keys() {
-  fmt::print("\n## Keys\n\nOf `takt config keys`; all of them: [configuration.md](configuration.md#every-key).\n\n");
-  std::istringstream table(config::key_table());
-  fmt::print("| key | value | default | meaning |\n|---|---|---|---|\n");
-  for (std::string line; std::getline(table, line);)
-    if (std::ranges::any_of(kKeys,
-                            [&](std::string_view key) { return line.starts_with(fmt::format("| `{}` |", key)); }))
-      fmt::print("{}\n", line);
 }
 
 int print_page() {
@@ -236,7 +278,6 @@ int print_page() {
   print_commands();
   print_causes();
   print_limits(*limits);
-  print_keys();
   return 0;
 }
 

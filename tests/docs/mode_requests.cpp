@@ -74,24 +74,24 @@ void ask_for_reset(Robot& robot) {
 const Request kRequests[] = {
     {"arm", nothing, [](Robot& robot) { robot.go(1, OperatorRequest::arm); }},
     {"stop, by a program", nothing, [](Robot& robot) { robot.go(1, OperatorRequest::stop); }},
-    {"the same, repeated for 1 s", nothing,
+    {"the same for 1 s", nothing,
      [](Robot& robot) {
        for (int i = 0; i < 1000; ++i) robot.go(1, OperatorRequest::stop);
      }},
     {"first press", nothing, [](Robot& robot) { robot.go(1, OperatorRequest::press_stop); }},
-    {"second press, 0.15 s after it", nothing, [](Robot& robot) { press_twice(robot, 150); }},
-    {"second press, 0.2 s after it", nothing, [](Robot& robot) { press_twice(robot, 200); }},
+    {"second press after 0.15 s", nothing, [](Robot& robot) { press_twice(robot, 150); }},
+    {"second press after 0.2 s", nothing, [](Robot& robot) { press_twice(robot, 200); }},
     {"no power", nothing, [](Robot& robot) { robot.go(1, OperatorRequest::deenergise); }},
-    {"SIGTERM, at first", nothing, [](Robot& robot) { robot.go(1, OperatorRequest::shutdown); }},
-    {"reset, a joint with power moves",
+    {"SIGTERM", nothing, [](Robot& robot) { robot.go(1, OperatorRequest::shutdown); }},
+    {"reset while a joint with power moves",
      [](Robot& robot) {
        robot.drives[0].dq = 1.0F;
        robot.go(5);
        robot.drives[0].dq = 1.0F;
      },
      ask_for_reset},
-    {"reset, at rest; the drive of the fault still reports it", come_to_rest, ask_for_reset},
-    {"reset, at rest; a joint is silent",
+    {"reset at rest, the drive still reports its fault", come_to_rest, ask_for_reset},
+    {"reset at rest, a joint is silent",
      [](Robot& robot) {
        come_to_rest(robot);
        robot.drives[2].silent = true;
@@ -118,13 +118,12 @@ const LimitSetup kLimits[] = {
        robot.drives[0].q = -1.0F;
        robot.drives[0].dq = robot.config.joints[0].limits.velocity_hard + 4.0F;
      }},
-    {"freshness.bad_command_limit", "more messages than that within `freshness.window`, refused for what they say",
+    {"freshness.bad_command_limit", "more invalid messages within `freshness.window`",
      "pipeline_test Commands.RepeatedRefusalsStopTheRobot",
      [](Robot& robot) { robot.wants = std::numeric_limits<float>::quiet_NaN(); }},
     {"freshness.clamped_share",
      "positions beyond `limits.target_margin`, velocities or torques beyond their limit, or gains beyond twice theirs, "
-     "in "
-     "a larger share of the window's ticks",
+     "in a larger share of the window's ticks",
      "pipeline_test OutOfRange.MoreThanTheShareOfTheWindowStopsTheRobot", [](Robot& robot) { robot.wants = 5.0F; }},
 };
 

@@ -66,32 +66,25 @@ bool asks_for_nothing(const JointSetpoint& setpoint) {
   return setpoint.kp == 0 && setpoint.kd == 0 && setpoint.tau == 0 && setpoint.dq == 0;
 }
 
-std::string stiffness_of(const JointSetpoint& setpoint, const JointConfig& joint) {
-  if (setpoint.kp == 0) return "0";
-  if (is_near(setpoint.kp, joint.kp)) return "`gains.kp`";
-  return is_near(setpoint.kp, kCommandStiffness) ? "the command's" : "";
+// Stiffness and damping; "": they are none of these pairs.
+std::string gains_of(const JointSetpoint& setpoint, const JointConfig& joint) {
+  const auto are = [&](float kp, float kd) { return is_near(setpoint.kp, kp) && is_near(setpoint.kd, kd); };
+  if (are(0, 0)) return "0";
+  if (are(0, joint.damping)) return "damping";
+  if (are(joint.kp, joint.kd)) return "joint's";
+  return are(kCommandStiffness, kCommandDamping) ? "command's" : "";
 }
 
-std::string damping_of(const JointSetpoint& setpoint, const JointConfig& joint) {
-  if (setpoint.kd == 0) return "0";
-  if (is_near(setpoint.kd, joint.damping)) return "`gains.damping`";
-  if (is_near(setpoint.kd, joint.kd)) return "`gains.kd`";
-  return is_near(setpoint.kd, kCommandDamping) ? "the command's" : "";
-}
-
-struct Torque {
-  std::string gravity, rest;
-};
-
-Torque torque_of(const JointSetpoint& setpoint, const JointRecord& joint, const TickConfig& config, std::size_t j) {
+std::string torque_of(const JointSetpoint& setpoint, const JointRecord& joint, const TickConfig& config,
+                      std::size_t j) {
   const FeedbackGain& gain = config.feedback_gains[j][j];
   const float feedback =
       -gain.position * (joint.q_estimate - config.joints[j].fallback_pose) - gain.velocity * joint.dq_estimate;
-  if (setpoint.tau == 0) return {"no", "0"};
-  if (is_near(setpoint.tau, joint.tau_gravity)) return {"yes", "0"};
-  if (is_near(setpoint.tau, joint.tau_gravity + kCommandTorque)) return {"yes", "the command's"};
-  if (is_near(setpoint.tau, feedback, 0.01F)) return {"no", "−`fallbacks.NAME.gains` · [q − pose; dq]"};
-  return {};
+  if (setpoint.tau == 0) return "0";
+  if (is_near(setpoint.tau, joint.tau_gravity)) return "gravity";
+  if (is_near(setpoint.tau, joint.tau_gravity + kCommandTorque)) return "gravity + command's";
+  if (is_near(setpoint.tau, feedback, 0.01F)) return "−`fallbacks.NAME.gains` · [q − pose; dq]";
+  return "";
 }
 
 // One joint's reference from now on, while nothing else changes.
@@ -131,15 +124,15 @@ std::string reference_of(Robot& robot, std::size_t j, Player player, float stiff
   const float apart = std::abs(robot.out->record.joints[j].q_reference - robot.out->record.joints[j].q_estimate);
   const bool is_degraded = robot.mode() == Mode::degraded;
   const Motion motion = watch(robot, j);
-  if (motion.follows && stiffness == 0) return "follows the measured position";
+  if (motion.follows && stiffness == 0) return "the measured position";
   if (motion.moves_along && stiffness == 0) return "moves with the measured motion";
   if (player == Player::fallback) return "the fallback policy's path";
   const float slow = robot.config.degraded_speed_scale * joint.limits.velocity;
   if (player == Player::policy && is_degraded && is_near(motion.fastest, slow))
-    return "the policy's path, no faster than `degraded.speed_scale` of `limits.velocity`";
+    return "the policy's path, at most `degraded.speed_scale` of `limits.velocity`";
   if (player == Player::policy) return "the policy's path";
   if (motion.is_still) return apart > 0.05F ? "stays at the last target" : "stays where it came to rest";
-  if (motion.brakes) return "brakes along `limits.acceleration`, then stays";
+  if (motion.brakes) return "brakes";
   if (is_near(motion.ended, joint.fallback_pose, 0.01F) && is_near(motion.fastest, joint.fallback_speed))
     return "moves to `fallbacks.NAME.pose` at `fallbacks.NAME.speed`";
   return "";
@@ -151,20 +144,17 @@ Given given(Robot& robot, std::size_t j, bool late = false) {
   const JointSetpoint setpoint = late ? out.damping[j] : out.setpoints[j];
   const JointConfig& joint = robot.config.joints[j];
   Given words;
-  words.drive = joint.passive ? "none" : out.drive_enabled[j] ? "on" : "off";
-  words.stiffness = stiffness_of(setpoint, joint);
-  words.damping = damping_of(setpoint, joint);
-  const Torque torque = torque_of(setpoint, out.record.joints[j], robot.config, j);
-  words.gravity = torque.gravity;
-  words.torque = torque.rest;
+  words.gains = gains_of(setpoint, joint);
+  words.torque = torque_of(setpoint, out.record.joints[j], robot.config, j);
   const bool is_limp = asks_for_nothing(setpoint);
   if (is_limp || late) words.reference = is_limp ? "none" : "the measured position";
+  if (is_limp && !out.drive_enabled[j]) words.reference = "none, drive off";
   if (words.reference.empty()) words.reference = reference_of(robot, j, out.record.header.player, setpoint.kp);
   return words;
 }
 
 bool is_complete(const Given& words) {
-  return !words.reference.empty() && !words.stiffness.empty() && !words.damping.empty() && !words.gravity.empty();
+  return !words.reference.empty() && !words.gains.empty() && !words.torque.empty();
 }
 
 struct Setup {
@@ -202,7 +192,7 @@ std::vector<Setup> setups() {
   using enum Mode;
   return {
       {"standby", "always", standby, 0, two_arms, [](Robot& robot) { robot.go(100); }},
-      {"arming", "until every drive is enabled and a command is usable", arming, 0, two_arms,
+      {"arming", "until all drives are enabled and a command is usable", arming, 0, two_arms,
        [](Robot& robot) {
          robot.drives[5].never_enables = true;
          robot.go(40);
@@ -211,9 +201,9 @@ std::vector<Setup> setups() {
          robot.go(2);
        }},
       {"tracking", "a usable command", tracking, 0, two_arms, [](Robot& robot) { robot.track(); }},
-      {"tracking", "no usable command: the ticks between `max_age` and the violation", tracking, 0,
+      {"tracking", "no usable command, before the violation", tracking, 0,
        [] { return with_a_long_gap(Interpolation::linear); }, reach_the_gap},
-      {"tracking", "the same, `interpolation: hold` and a drive that takes gains", tracking, 0,
+      {"tracking", "the same, `interpolation: hold`, a drive that takes gains", tracking, 0,
        [] { return with_a_long_gap(Interpolation::hold); },
        [](Robot& robot) {
          robot.track();
@@ -227,8 +217,7 @@ std::vector<Setup> setups() {
        }},
       {"degraded", "`behaviour: hold`, no usable command", degraded, 0,
        [] { return degraded_by(DegradedBehaviour::hold); }, [](Robot& robot) { robot.degrade(); }},
-      {"degraded", "`behaviour: hold`, a usable command", degraded, 0,
-       [] { return degraded_by(DegradedBehaviour::hold); },
+      {"degraded", "with one", degraded, 0, [] { return degraded_by(DegradedBehaviour::hold); },
        [](Robot& robot) {
          robot.degrade();
          robot.speaks = true;
@@ -245,24 +234,24 @@ std::vector<Setup> setups() {
        }},
       {"degraded", "`behaviour: slow`, no usable command", degraded, 0,
        [] { return degraded_by(DegradedBehaviour::slow); }, [](Robot& robot) { robot.degrade(); }},
-      {"degraded", "`fallback` of kind `pose`", degraded, 0, [] { return degraded_by(DegradedBehaviour::fallback); },
+      {"degraded", "fallback `pose`", degraded, 0, [] { return degraded_by(DegradedBehaviour::fallback); },
        [](Robot& robot) {
          robot.degrade();
          robot.go(800);
        }},
-      {"degraded", "`fallback` of kind `state_feedback`", degraded, 0,
+      {"degraded", "fallback `state_feedback`", degraded, 0,
        [] { return degraded_by(DegradedBehaviour::fallback, FallbackKind::state_feedback); },
        [](Robot& robot) {
          robot.degrade();
          robot.go(20);
        }},
-      {"degraded", "`fallback` of kind `policy`, its command usable", degraded, 0,
+      {"degraded", "fallback `policy`, its command usable", degraded, 0,
        [] { return degraded_by(DegradedBehaviour::fallback, FallbackKind::policy); },
        [](Robot& robot) {
          robot.degrade();
          robot.go(20);
        }},
-      {"degraded", "the same, its command not usable, but the policy's is", degraded, 0,
+      {"degraded", "the same, only the policy's command usable", degraded, 0,
        [] { return degraded_by(DegradedBehaviour::fallback, FallbackKind::policy); },
        [](Robot& robot) {
          robot.degrade();
@@ -287,7 +276,7 @@ std::vector<Setup> setups() {
          robot.stop();
          robot.go(3000);
        }},
-      {"damped_stop", "`how: rest`, a robot with neither `model` nor `imu`", damped_stop, 0, without_model,
+      {"damped_stop", "`how: rest`, neither `model` nor `imu`", damped_stop, 0, without_model,
        [](Robot& robot) { robot.stop(); }},
       {"damped_stop", "`how: damping`", damped_stop, 0, [] { return stopped_by(StopManner::damping); },
        [](Robot& robot) {
@@ -323,9 +312,8 @@ std::vector<Setup> setups() {
          lose_a_drive(robot);
          robot.go(3000);
        }},
-      {"fault_latched", "every other joint of a robot with neither `model` nor `imu`", fault_latched, 0, without_model,
-       lose_a_drive},
-      {"fault_latched", "every joint, after `internal_error`", fault_latched, 0, two_arms,
+      {"fault_latched", "every other joint, neither `model` nor `imu`", fault_latched, 0, without_model, lose_a_drive},
+      {"fault_latched", "after `internal_error`, every joint", fault_latched, 0, two_arms,
        [](Robot& robot) {
          robot.track();
          const JointConfig sound = robot.config.joints[1];
@@ -336,7 +324,7 @@ std::vector<Setup> setups() {
          robot.drives[0].dq = 0.3F;
          robot.go(20);
        }},
-      {"fault_latched", "after a suspend, a joint that was not heard since", fault_latched, 0, two_arms,
+      {"fault_latched", "a joint not heard since a suspend", fault_latched, 0, two_arms,
        [](Robot& robot) {
          robot.track();
          robot.input.slept_ms = 500;
@@ -344,7 +332,7 @@ std::vector<Setup> setups() {
          robot.go(1);
          robot.input.slept_ms = 0;
        }},
-      {"any but standby", "a setpoint that would leave too late", tracking, 0, two_arms,
+      {"any but standby", "a setpoint that would leave late", tracking, 0, two_arms,
        [](Robot& robot) {
          robot.track();
          robot.late = 1;

@@ -15,7 +15,8 @@ namespace takt::docs {
 
 // One joint in one situation, in words: what its setpoint is made of.
 struct Given {
-  std::string drive, reference, stiffness, damping, gravity, torque;
+  std::string reference, gains, torque;
+  bool operator==(const Given&) const = default;
 };
 
 struct Situation {
