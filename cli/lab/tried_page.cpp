@@ -37,19 +37,19 @@ std::string error_text(double error) {
 
 std::string row_of(const TriedPolicy& row, const std::string& name) {
   const policy_host::Trial& trial = row.trial;
-  std::string engine = trial.engine.empty() ? "none" : trial.engine;
+  std::string engine = trial.engine;
   if (!trial.why.empty()) engine += ": " + trial.why;
+  if (!loads(row)) engine += (engine.empty() ? "none: " : " refuses: ") + trial.refusal;
   std::string error, time;
   if (row.agreement) {
     error = error_text(row.agreement->error);
     if (row.agreement->both_nan > 0) error += fmt::format(", both NaN {} times", row.agreement->both_nan);
-    time = fmt::format("{:.1f} / {:.1f} us = {:.2f}", row.agreement->own_us, row.agreement->judge_us,
-                       ratio_of(*row.agreement));
+    time = fmt::format("{:.1f}, {:.2f}", row.agreement->own_us, ratio_of(*row.agreement));
   } else if (!trial.unjudged.empty()) {
     error = "not judged: " + trial.unjudged;
   }
-  return fmt::format("| {} | {} | {} | {} | {} | {} | {} |\n", table_cell(name), trial.format, table_cell(engine),
-                     loads(row) ? "yes" : table_cell("no: " + trial.refusal), trial.values, table_cell(error), time);
+  return fmt::format("| {} | {} | {} | {} | {} |\n", table_cell(name), table_cell(engine), trial.values,
+                     table_cell(error), time);
 }
 
 // "15 (time 0.35 to 0.98, median 0.82)": those that an engine runs.
@@ -91,7 +91,7 @@ std::string folder_of(const TriedPolicy& row) {
 }
 
 std::string table_of(Rows rows, const std::string& folder) {
-  std::string text = "\n| policy | format | engine | loads | values | error | time |\n|---|---|---|---|---|---|---|\n";
+  std::string text = "\n| policy | engine | values | error | us, ratio |\n|---|---|---|---|---|\n";
   for (const TriedPolicy& row : rows)
     text += row_of(row, folder.empty() ? row.file.string() : row.file.lexically_relative(folder).string());
   return text;
@@ -104,13 +104,11 @@ std::string tried_page(Rows tried, const std::string& judge) {
   text += judge.empty() ? std::string("Not judged: no ONNX Runtime was named (--onnxruntime).\n")
                         : fmt::format("Judge: ONNX Runtime {}, one thread.\n", judge);
   text += fmt::format(
-      "\nEngine: what `policy.engine: auto` takes, and why where that is ONNX Runtime. Error: the largest "
-      "|a - b| / max(1, |b|) of any output over {} observations in sequence, state fed back; of TorchScript its "
-      "actions', "
-      "against the ONNX file of the same name beside it. Time: medians of as many inferences as take some seconds, at "
-      "most {}, both in turns, that engine's / ONNX Runtime's = ratio. What `onnxruntime` runs is compared with the "
-      "same "
-      "library by itself: the time is what the engine around it costs.\n",
+      "\nEngine: what `policy.engine: auto` takes, and why where that is ONNX Runtime.\n"
+      "Error: the largest |a - b| / max(1, |b|) of any output over {} observations in sequence, state fed back; of\n"
+      "TorchScript its actions', against the ONNX file of the same name beside it.\n"
+      "Time: medians of at most {} inferences; ratio: to ONNX Runtime's in turns, of `onnxruntime` to the bare "
+      "library's.\n",
       policy_host::kTrialObservations, kMostTimedInferences);
   const auto is_elsewhere = [&](const TriedPolicy& row) { return folder_of(row) != folder_of(tried.front()); };
   if (std::ranges::none_of(tried, is_elsewhere)) return text + table_of(tried, "");

@@ -32,7 +32,7 @@ std::size_t size_of(const TensorInfo& tensor) {
 }
 
 std::string values_text(std::size_t observation, std::size_t actions, std::size_t states, bool state_inside) {
-  std::string text = fmt::format("{} to {}", observation, actions);
+  std::string text = fmt::format("{}→{}", observation, actions);
   if (states > 0) text += fmt::format(", {} state{}", states, states == 1 ? "" : "s");
   if (state_inside) text += ", state inside";
   return text;
@@ -100,13 +100,10 @@ void look_at_metadata(Trial& trial, const fs::path& file) {
   const auto network = onnx_engine::load(file);
   if (!network) return;
   const auto described = describe_exploy(*metadata, network->inputs(), network->outputs());
-  if (described && !*described) return;
-  trial.format = "exploy";
   if (!described) trial.refusal = described.error();
 }
 
 void try_onnx(Trial& trial, const fs::path& file, const TrialSetup& setup) {
-  trial.format = "ONNX";
   const auto choice = choose_engine(file);
   if (!choice) {
     trial.refusal = without_name(choice.error(), file);
@@ -132,7 +129,6 @@ std::vector<config::TensorShape> shapes_beside(const fs::path& onnx, const Trial
 }
 
 void try_torchscript(Trial& trial, const fs::path& file, const TrialSetup& setup) {
-  trial.format = "TorchScript";
   trial.engine = "torchscript";
   const fs::path onnx = fs::path(file).replace_extension(".onnx");
   const bool beside = fs::exists(onnx);
@@ -174,7 +170,6 @@ void choose_for_nodes(Trial& trial, const fs::path& file, const LeappBundle& bun
 }
 
 void try_bundle(Trial& trial, const fs::path& file, const TrialSetup& setup) {
-  trial.format = "LEAPP bundle";
   const auto text = config::read_file(file.string());
   const auto bundle = text ? read_leapp_bundle(*text, file.string()) : std::unexpected(text.error());
   if (!bundle) {

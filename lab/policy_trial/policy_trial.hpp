@@ -24,11 +24,10 @@ struct TrialSetup {
 };
 
 struct Trial {
-  std::string format;           // "ONNX", "exploy", "LEAPP bundle", "TorchScript"
   std::string engine;           // as policy.engine.name has it; "": none takes it
   std::string why;              // of ONNX Runtime: why not the built-in one
   std::string refusal;          // one line that does not name the file; "": it loads
-  std::string values;           // "48 to 12, 2 states": of the observation, of the actions
+  std::string values;           // "48→12, 2 states": of the observation, of the actions
   std::unique_ptr<Policy> own;  // says every output, but of TorchScript the actions alone; null where refused
   std::unique_ptr<Policy> judge;
   std::string unjudged;  // why there is no judge
