@@ -13,45 +13,48 @@
 namespace takt::config {
 namespace {
 
-// In the base unit, the first that is named: "0 to 10", "> 0 to 1", "≥ 0".
+// In the base unit: "0..10", ">0..1", "≥0".
 std::string range_symbols(Range range) {
-  const std::string low = std::isfinite(range.low) ? fmt::format("{}{}", range.low_open ? "> " : "", range.low) : "";
-  const std::string high =
-      std::isfinite(range.high) ? fmt::format("{}{}", range.high_open ? "< " : "", range.high) : "";
-  if (!low.empty() && !high.empty()) return fmt::format("{} to {}", low, high);
-  if (!low.empty()) return range.low_open ? low : "≥ " + low;
-  return high.empty() || range.high_open ? high : "≤ " + high;
+  const std::string low = std::isfinite(range.low) ? fmt::format("{}{}", range.low_open ? ">" : "", range.low) : "";
+  const std::string high = std::isfinite(range.high) ? fmt::format("{}{}", range.high_open ? "<" : "", range.high) : "";
+  if (!low.empty() && !high.empty()) return fmt::format("{}..{}", low, high);
+  if (!low.empty()) return range.low_open ? low : "≥" + low;
+  return high.empty() || range.high_open ? high : "≤" + high;
 }
 
 std::string unit_text(const Key& key, Dimension dimension) {
-  const std::string units = dimension == Dimension::none ? "number" : symbols(dimension);
-  return key.other ? fmt::format("{} (slide: {})", units, symbols(key.other->dimension)) : units;
+  const std::string_view unit = dimension == Dimension::none ? "number" : base_symbol(dimension);
+  return key.other ? fmt::format("{} (slide: {})", unit, base_symbol(key.other->dimension)) : std::string(unit);
 }
 
-// One row per key; sections give a row and a longer path.
+// One row per key; a section that may be left out gives a row, and every section a longer path.
 class TableMaker final : public Fields {
  public:
-  std::string result() { return fmt::format("| key | value | default | meaning |\n|---|---|---|---|\n{}", rows_); }
+  std::string result() {
+    return fmt::format("| key | value; `default`, else required | meaning |\n|---|---|---|\n{}", rows_);
+  }
 
   void quantity(const Key& key, double&, Dimension dimension, Range range) override {
     const std::string bounds = range_symbols(range);
     row(key, dimension == Dimension::none && !bounds.empty() ? bounds : joined(unit_text(key, dimension), bounds));
   }
   void duration(const Key& key, Duration&, Duration low, Duration high) override {
-    row(key, fmt::format("{} to {}", format_duration(low), format_duration(high)));
+    row(key, fmt::format("{}..{}", format_duration(low), format_duration(high)));
   }
   void whole(const Key& key, std::int64_t&, std::int64_t low, std::int64_t high) override {
-    row(key, high == std::numeric_limits<std::int64_t>::max() ? fmt::format("integer, ≥ {}", low)
-                                                              : fmt::format("integer, {} to {}", low, high));
+    row(key, high == std::numeric_limits<std::int64_t>::max() ? fmt::format("integer, ≥{}", low)
+                                                              : fmt::format("integer, {}..{}", low, high));
   }
   void whole_or_none(const Key& key, std::optional<int>&, int low, int high) override {
-    row(key, fmt::format("integer, {} to {}, or none", low, high));
+    row(key, fmt::format("integer, {}..{}, or none", low, high));
   }
   void flag(const Key& key, bool&) override { row(key, "true, false"); }
   void identifier(const Key& key, std::string&) override { row(key, "name"); }
   void text(const Key& key, std::string&) override { row(key, "text"); }
   void one_of(const Key& key, std::string&, Words words, std::string_view what, std::string_view none_word) override {
-    std::string choices = words.empty() ? fmt::format("name of a {}", what) : fmt::format("{}", fmt::join(words, ", "));
+    const bool are_outside = !key.if_unknown.empty();
+    const std::string choices =
+        words.empty() || are_outside ? fmt::format("name of a {}", what) : fmt::format("{}", fmt::join(words, ", "));
     row(key, none_word.empty() ? choices : fmt::format("{}, {}", choices, none_word));
   }
   void quantities(const Key& key, std::vector<double>&, Dimension dimension, Range range, Count count) override {
@@ -72,7 +75,7 @@ class TableMaker final : public Fields {
     row(key, fmt::format("{}, or a list, {}", fmt::join(words, ", "), unit_text(key, dimension)));
   }
   void section(const Key& key, const Body& body) override {
-    row(key, "section");
+    if (key.otherwise) row(key, "section");
     inside(fmt::format("{}{}.", prefix_, key.name), body);
   }
   void optional_section(const Key& key, bool&, const Body& body) override {
@@ -101,8 +104,8 @@ class TableMaker final : public Fields {
     return range.empty() ? what : what + ", " + range;
   }
   void row(const Key& key, const std::string& value) {
-    rows_ += fmt::format("| `{}{}` | {} | {} | {} |\n", prefix_, key.name, value,
-                         key.otherwise ? fmt::format("`{}`", *key.otherwise) : "required", key.doc);
+    rows_ += fmt::format("| `{}{}` | {}{} | {} |\n", prefix_, key.name, value,
+                         key.otherwise ? fmt::format("; `{}`", *key.otherwise) : "", key.doc);
   }
   void inside(std::string prefix, const Body& body) {
     prefix.swap(prefix_);

@@ -17,11 +17,11 @@ void describe(Fields& fields, RobotConfig& robot) {
     fields.text({kBasedOn, "robot file in this folder whose keys hold where this file has none", "none"}, base);
   std::int64_t revision = kDefaultsRevision;
   fields.whole({.name = "defaults_revision",
-                .doc = "revision of the defaults of omitted keys",
+                .doc = "of the defaults of omitted keys",
                 .otherwise = "the newest",
                 .prefilled = true},
                revision, kDefaultsRevision, kDefaultsRevision);
-  fields.identifier({"robot", "name of the robot and of its runtime directory"}, robot.robot);
+  fields.identifier({"robot", "name of robot and runtime directory"}, robot.robot);
   describe_timing(fields, robot);
   describe_machine(fields, robot);
   describe_policy(fields, robot);

@@ -62,9 +62,7 @@ std::vector<std::string_view> models_of(const Fields& fields, DriveProtocol prot
 void describe_fd_bitrate(Fields& fields, Drive& drive) {
   double rate = drive.fd_bitrate;
   fields.quantity({"fd_bitrate",
-                   "mit (damiao): data rate of CAN FD frames, as the bus's data_bitrate and the drive's register 35; 0 "
-                   "bit/s: classic frames",
-                   "0 bit/s"},
+                   "mit (damiao): CAN FD data rate of bus and drive (register 35); 0 bit/s: classic frames", "0 bit/s"},
                   rate, Dimension::bit_rate, between(0, 10e6));
   drive.fd_bitrate = static_cast<std::uint32_t>(std::lround(rate));
 }
@@ -72,7 +70,7 @@ void describe_fd_bitrate(Fields& fields, Drive& drive) {
 void describe_packed_ranges(Fields& fields, Drive& drive) {
   fields.one_of(
       {.name = "model",
-       .doc = "mit, robstride: model whose ranges apply; none: all five are required",
+       .doc = "mit, robstride: gives the ranges (docs/drives.md); none: all five are required",
        .otherwise = "none",
        .if_unknown = "for another model write none and the five ranges of its manual (position_range, velocity_range, "
                      "torque_range, kp_range, kd_range)"},
@@ -95,14 +93,13 @@ void describe_packed_ranges(Fields& fields, Drive& drive) {
   };
   constexpr DrivePreset kNone{};
   const DrivePreset& from = preset ? *preset : kNone;
-  range("position_range", "mit, robstride: packed position spans +- this, motor side", drive.position_range,
+  range("position_range", "mit, robstride: span of packed position, +-, motor side", drive.position_range,
         from.position, Dimension::angle);
-  range("velocity_range", "mit, robstride: packed velocity spans +- this, motor side", drive.velocity_range,
-        from.velocity, Dimension::angular_velocity);
+  range("velocity_range", "the same of velocity", drive.velocity_range, from.velocity, Dimension::angular_velocity);
   range("torque_range", "largest torque of the drive, motor side; mit, robstride: span of packed torque",
         drive.torque_range, from.torque, Dimension::torque);
-  range("kp_range", "mit, robstride: packed stiffness spans 0 to this", drive.kp_range, from.kp, Dimension::stiffness);
-  range("kd_range", "mit, robstride: packed damping spans 0 to this", drive.kd_range, from.kd, Dimension::damping);
+  range("kp_range", "mit, robstride: highest packed stiffness", drive.kp_range, from.kp, Dimension::stiffness);
+  range("kd_range", "mit, robstride: highest packed damping", drive.kd_range, from.kd, Dimension::damping);
 }
 
 // moteus tells it. Damiao and RobStride know their place within a turn, and limits mostly tell the turn. Where it can
@@ -112,16 +109,14 @@ void describe_position_after_power_up(Fields& fields, Drive& drive) {
   if (drive.variant == "damiao" || drive.variant == "robstride" || drive.protocol == DriveProtocol::robstride)
     otherwise = "within_a_turn";
   if (fields.shows_all()) otherwise = "the protocol's";
-  fields.choice(
-      {"position_after_power_up",
-       "all but moteus, what a reading is worth after power-on: absolute, the joint's angle; within_a_turn, right but "
-       "for whole turns; one_of_several, but for smaller steps; unknown, nothing. In doubt, `takt joint home` comes "
-       "before arming. mit (damiao, robstride), robstride: within_a_turn; the others: required",
-       otherwise},
-      drive.position_after_power_up, kPositionsAfterPowerUp);
+  fields.choice({"position_after_power_up",
+                 "all but moteus: what a reading is after power-on: absolute, within_a_turn, one_of_several, unknown "
+                 "(docs/drives.md); in doubt, `takt joint home` comes before arming; mit (damiao, robstride), "
+                 "robstride: within_a_turn; others: required",
+                 otherwise},
+                drive.position_after_power_up, kPositionsAfterPowerUp);
   if (drive.position_after_power_up == PositionAfterPowerUp::one_of_several || fields.shows_all())
-    fields.integer({"places_per_turn",
-                    "one_of_several: indistinguishable places in a turn of the joint (AK80-9: 9, 40 deg apart)"},
+    fields.integer({"places_per_turn", "one_of_several: indistinguishable places in a joint's turn (AK80-9: 9)"},
                    drive.places_per_turn, 2, 1000);
 }
 
@@ -130,10 +125,10 @@ void describe_own_units(Fields& fields, Drive& drive, const Speaks& speaks) {
     fields.quantity({"torque_range", "largest torque ever asked of the drive, motor side"}, drive.torque_range,
                     Dimension::torque, above(0, 1e6));
   if (speaks.any_of({DriveProtocol::moteus})) {
-    fields.quantity({"servo_kp", "moteus: the drive's servo.pid_position.kp, per radian"}, drive.servo_kp,
-                    Dimension::stiffness, above(0, 1e6));
-    fields.quantity({"servo_kd", "moteus: the drive's servo.pid_position.kd, per radian"}, drive.servo_kd,
-                    Dimension::damping, above(0, 1e6));
+    fields.quantity({"servo_kp", "moteus: its servo.pid_position.kp, per radian"}, drive.servo_kp, Dimension::stiffness,
+                    above(0, 1e6));
+    fields.quantity({"servo_kd", "moteus: its servo.pid_position.kd, per radian"}, drive.servo_kd, Dimension::damping,
+                    above(0, 1e6));
   }
   if (speaks.any_of({DriveProtocol::cia402})) {
     fields.choice({"mode", "cia402: cyclic synchronous position, velocity or torque", "cst"}, drive.mode, kCia402Modes);
@@ -142,8 +137,7 @@ void describe_own_units(Fields& fields, Drive& drive, const Speaks& speaks) {
     fields.quantity({"rated_torque", "cia402: object 6076 of the drive"}, drive.rated_torque, Dimension::torque,
                     above(0, 1e6));
     if (drive.mode == Cia402Mode::csv || fields.shows_all())
-      fields.choice({"velocity_unit",
-                     "cia402, csv: unit of the drive's target velocity (60FF); compared with object 60A9 if present"},
+      fields.choice({"velocity_unit", "cia402, csv: unit of object 60FF; compared with 60A9 if present"},
                     drive.velocity_unit, kVelocityUnits);
   }
 }
@@ -154,14 +148,12 @@ void describe_drive(Fields& fields, Drive& drive, JointKind kind) {
   if (!fields.choice({"protocol", "protocol of the drive"}, drive.protocol, kProtocols)) return fields.leave_the_rest();
   const Speaks speaks(fields, drive.protocol);
   if (speaks.any_of({DriveProtocol::mit}))
-    fields.one_of(
-        {"variant", "mit: tmotor replies with 6 bytes, damiao with 8; robstride: one switched to this protocol"},
-        drive.variant, kVariants, "variant");
-  fields.integer({"id", "mit: CAN id of commands; others: the drive's number on the bus"}, drive.id,
+    fields.one_of({"variant", "mit: tmotor replies with 6 bytes, damiao with 8; robstride: switched to this protocol"},
+                  drive.variant, kVariants, "variant");
+  fields.integer({"id", "mit: CAN id of commands; others: number on the bus"}, drive.id,
                  drive.protocol == DriveProtocol::odrive ? 0 : 1, highest_id(drive.protocol));
   if (speaks.any_of({DriveProtocol::mit}))
-    fields.integer({"reply_id", "mit: CAN id of the drive's replies"}, drive.reply_id, 0,
-                   highest_id(DriveProtocol::mit));
+    fields.integer({"reply_id", "mit: CAN id of replies"}, drive.reply_id, 0, highest_id(DriveProtocol::mit));
   if (drive.variant == "damiao" || fields.shows_all()) describe_fd_bitrate(fields, drive);
   if (speaks.any_of({DriveProtocol::mit, DriveProtocol::robstride, DriveProtocol::moteus}))
     fields.integer({"every", "mit, robstride, moteus: written to every n-th tick, a stop at once", "1"}, drive.every, 1,
@@ -171,31 +163,29 @@ void describe_drive(Fields& fields, Drive& drive, JointKind kind) {
   if (speaks.any_of({DriveProtocol::mit, DriveProtocol::robstride, DriveProtocol::odrive, DriveProtocol::cia402}))
     fields.text(
         {"watchdog_waiver",
-         "all but moteus: reason to arm the drive although its time-out is off or unknown; none: not armed then",
-         "none"},
+         "all but moteus: reason to arm although the drive's time-out is off or unknown; none: not armed", "none"},
         drive.watchdog_waiver);
   if (speaks.any_of({DriveProtocol::mit, DriveProtocol::robstride, DriveProtocol::moteus, DriveProtocol::cia402}))
     fields.text({"identity",
-                 "mit (damiao), robstride, moteus, cia402: identity that the drive must report, as its card shows it; "
-                 "cia402: VENDOR:PRODUCT or VENDOR:PRODUCT:SERIAL; any: not compared",
+                 "mit (damiao), robstride, moteus, cia402 (VENDOR:PRODUCT[:SERIAL]): identity that its card shows; "
+                 "any: not compared",
                  "any"},
                 drive.identity);
   if (speaks.any_of({DriveProtocol::mit, DriveProtocol::odrive, DriveProtocol::moteus, DriveProtocol::cia402}))
-    fields.text({"firmware",
-                 "mit (damiao), odrive, moteus, cia402 (revision number): version that the drive must report, as its "
-                 "card shows it; any: not compared",
-                 "any"},
-                drive.firmware);
+    fields.text(
+        {"firmware",
+         "mit (damiao), odrive, moteus, cia402 (revision number): version that its card shows; any: not compared",
+         "any"},
+        drive.firmware);
   if (speaks.any_of({DriveProtocol::mit, DriveProtocol::robstride, DriveProtocol::odrive, DriveProtocol::cia402}))
     describe_position_after_power_up(fields, drive);
   fields.integer({"direction", "1 or -1: q_joint = direction * q_motor / gear_ratio + offset", "1"}, drive.direction,
                  -1, 1);
   const JointKeys keys(fields, kind);
-  keys.quantity({"offset", "joint angle where the motor reads zero", {{"0 rad", "0 m"}}}, drive.offset, kJointPosition,
+  keys.quantity({"offset", "joint angle at the motor's zero", {{"0 rad", "0 m"}}}, drive.offset, kJointPosition,
                 between(-100, 100));
   constexpr std::string_view kDoc =
-      "motor turns per joint turn that the drive does not account for; slide, required: 1 / (pinion radius), or 2 pi / "
-      "(lead of a screw)";
+      "motor turns per joint turn that the drive does not count; slide, required: motor radians per metre";
   JointKey gear{"gear_ratio", kDoc};
   if (kind == JointKind::hinge) gear.otherwise = {"1", ""};
   keys.quantity(gear, drive.gear_ratio, kJointGear, {above(0, 1000), above(0, 1e6)});

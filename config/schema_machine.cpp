@@ -20,14 +20,14 @@ constexpr std::array<std::string_view, 2> kJointKinds{"hinge", "slide"};
 }  // namespace
 
 void describe_bus(Fields& fields, Bus& bus) {
-  fields.identifier({"name", "name for joints to refer to"}, bus.name);
+  fields.identifier({"name", "name of the bus"}, bus.name);
   fields.identifier({"interface", "CAN network interface"}, bus.interface);
   double bitrate = bus.bitrate;
   fields.quantity({"bitrate", "nominal bit rate", "1 Mbit/s"}, bitrate, Dimension::bit_rate, between(10e3, 1e6));
   bus.bitrate = static_cast<std::uint32_t>(std::lround(bitrate));
   constexpr std::string_view kKernelChooses = "0";
-  fields.quantity({"sample_point", "sample point, as a share of a bit; 0: the kernel's choice", kKernelChooses},
-                  bus.sample_point, Dimension::none, between(0, 0.999));
+  fields.quantity({"sample_point", "share of a bit; 0: the kernel's choice", kKernelChooses}, bus.sample_point,
+                  Dimension::none, between(0, 0.999));
   fields.integer({"sjw", "synchronisation jump width, time quanta; 0: the kernel's choice", kKernelChooses}, bus.sjw, 0,
                  128);
   fields.flag({"fd", "frames may be CAN FD", "false"}, bus.fd);
@@ -40,8 +40,7 @@ void describe_bus(Fields& fields, Bus& bus) {
                     Dimension::none, between(0, 0.999));
     fields.integer({"data_sjw", "fd: sjw of the data phase", kKernelChooses}, bus.data_sjw, 0, 128);
   }
-  fields.choice({"when_missing", "for an absent interface: refuse to start, or use the loopback bus", "refuse"},
-                bus.when_missing, kWhenMissing);
+  fields.choice({"when_missing", "refuse to start, or use the loopback bus", "refuse"}, bus.when_missing, kWhenMissing);
 }
 
 namespace {
@@ -50,10 +49,10 @@ void describe_temperature(Fields& fields, TemperatureLimits& limits) {
   const auto one = [&fields](std::string_view key, std::string_view doc, double& value) {
     fields.quantity({key, doc, "0 degC"}, value, Dimension::temperature, between(0, 250));
   };
-  one("warning", "above: a warning, and degraded.by_temperature; hottest part; 0 degC: off", limits.warning);
-  one("stop", "above: the robot stops; hottest part; 0 degC: off", limits.stop);
+  one("warning", "warning and degraded.by_temperature, of the hottest part; 0 degC: off", limits.warning);
+  one("stop", "stop, of the hottest part; 0 degC: off", limits.stop);
   one("casing_warning", "mit (damiao), odrive, moteus: warning of casing or output stage", limits.casing_warning);
-  one("casing_stop", "mit (damiao), odrive, moteus: stop of casing or output stage", limits.casing_stop);
+  one("casing_stop", "the same: stop", limits.casing_stop);
 }
 
 // Of a gear of many rad/m a slide's numbers become large: stiffness with its square.
@@ -68,32 +67,30 @@ void describe_limits(Fields& fields, Limits& limits, JointKind kind, bool passiv
   const JointKeys keys(fields, kind);
   keys.interval({"position", "lowest and highest joint angle"}, limits.q_min, limits.q_max, kJointPosition,
                 between(-1000, 1000));
-  keys.quantity({"position_margin", "a measured angle further outside causes a damped stop; drives keep power"},
-                limits.position_margin, kJointPosition, between(0, 10));
+  keys.quantity({"position_margin", "damped stop when a measured angle is further outside"}, limits.position_margin,
+                kJointPosition, between(0, 10));
   keys.quantity({"velocity", "largest reference velocity; faster motion blocks arming"}, limits.velocity,
                 kJointVelocity, above(0, 1000));
-  keys.quantity({"velocity_hard", "a higher measured velocity causes a damped stop; drives keep power"},
-                limits.velocity_hard, kJointVelocity, above(0, 1000));
+  keys.quantity({"velocity_hard", "damped stop above this measured velocity"}, limits.velocity_hard, kJointVelocity,
+                above(0, 1000));
   bool looks_at_temperature = limits.temperature.has_value();
-  fields.optional_section({"temperature", "limits of the drive's temperature; a drive that reports none is not armed"},
-                          looks_at_temperature, [&](Fields& f) {
+  fields.optional_section({"temperature", "of the drive; one that reports none is not armed"}, looks_at_temperature,
+                          [&](Fields& f) {
                             if (!limits.temperature) limits.temperature.emplace();
                             describe_temperature(f, *limits.temperature);
                           });
   if (!commanded) return;
-  keys.quantity(
-      {"target_margin",
-       "a target further outside the position limits counts as out of range; every one is clamped; slide: 0.005 m",
-       {{"0.1 rad", "0.005 m"}}},
-      limits.target_margin, kJointPosition, between(0, 1000));
-  keys.quantity({"acceleration", "largest acceleration and braking deceleration of the reference"}, limits.acceleration,
+  keys.quantity({"target_margin",
+                 "targets further outside count as out of range; all are clamped; slide: 0.005 m",
+                 {{"0.1 rad", "0.005 m"}}},
+                limits.target_margin, kJointPosition, between(0, 1000));
+  keys.quantity({"acceleration", "largest acceleration and deceleration of the reference"}, limits.acceleration,
                 kJointAcceleration, above(0, 1e5));
   keys.quantity({"following_error",
-                 "a joint further from its reference for feedback.following_timeout is behind; 0 rad: where its "
-                 "stiffness asks for 90 % of limits.torque",
+                 "largest distance from the reference; 0 rad: where stiffness asks for 90 % of limits.torque",
                  {{"0 rad", "0 m"}}},
                 limits.following_error, kJointPosition, between(0, 1000));
-  keys.quantity({"torque", "largest commanded torque, of a slide force"}, limits.torque, kJointTorque, kTorques);
+  keys.quantity({"torque", "largest commanded torque"}, limits.torque, kJointTorque, kTorques);
   keys.quantity({"torque_rate", "largest rate of commanded torque"}, limits.torque_rate, kJointTorqueRate,
                 kTorqueRates);
   keys.quantity({"kp", "highest stiffness of a policy"}, limits.kp, kJointStiffness, kStiffnesses);
@@ -108,21 +105,18 @@ void describe_stiffness(Fields& fields, Joint& joint) {
     keys.quantity({"damping", "damping in a stop or fault"}, joint.damping, kJointDamping, kSomeDampings);
   });
   const JointKeys keys(fields, joint.kind);
-  keys.quantity({"inertia", "lower bound of the effective inertia; the torque barriers use it"}, joint.inertia,
-                kJointInertia, kInertias);
-  keys.quantity({"inertia_max",
-                 "its upper bound, load included, for braking (docs/design.md); 0: as inertia",
-                 {{"0 kgm2", "0 kg"}}},
-                joint.inertia_max, kJointInertia, kMostInertias);
+  keys.quantity({"inertia", "lower bound of the effective inertia, for torque barriers"}, joint.inertia, kJointInertia,
+                kInertias);
+  keys.quantity(
+      {"inertia_max", "upper bound with load, for braking (docs/design.md); 0: as inertia", {{"0 kgm2", "0 kg"}}},
+      joint.inertia_max, kJointInertia, kMostInertias);
 }
 
 void describe_joint(Fields& fields, Joint& joint, Words buses) {
-  fields.identifier({"name", "unique name of the joint"}, joint.name);
-  if (!fields.choice(
-          {"kind", "hinge: turns, and its keys are in rad and Nm; slide: moves along a line, in m and N", "hinge"},
-          joint.kind, kJointKinds))
+  fields.identifier({"name", "unique name"}, joint.name);
+  if (!fields.choice({"kind", "slide: moves along a line, keys in m and N", "hinge"}, joint.kind, kJointKinds))
     return fields.leave_the_rest();
-  fields.reference({"bus", "name of the bus its drive is on"}, joint.bus, buses, "bus");
+  fields.reference({"bus", "bus of its drive"}, joint.bus, buses, "bus");
   fields.flag({"passive", "true: an encoder without gains and torque", "false"}, joint.passive);
   const bool commanded = !joint.passive || fields.shows_all();
   fields.section({"drive", "the drive behind the joint"},
@@ -144,13 +138,12 @@ void describe_joint_defaults(Fields& fields) {
       [](std::size_t) {},
       [](Fields& f, std::size_t) {
         std::vector<std::string> patterns;
-        f.names({"joints", "patterns of names: * any letters, ? one; beside it any key of joints[] but name"}, patterns,
-                {}, "joint");
+        f.names({"joints", "patterns of names; beside it any key of joints[] but name"}, patterns, {}, "joint");
       });
 }
 
 void describe_link(Fields& fields, Link& link, Words joints, Words earlier) {
-  fields.one_of({"joint", "joint that moves this link"}, link.joint, joints, "joint");
+  fields.one_of({"joint", "joint that moves it"}, link.joint, joints, "joint");
   std::string parent = link.parent < 0 ? "base" : std::string(earlier[static_cast<std::size_t>(link.parent) + 1]);
   fields.one_of({"parent", "base, or the joint of an earlier link"}, parent, earlier, "earlier link");
   link.parent = -1;
@@ -163,8 +156,8 @@ void describe_link(Fields& fields, Link& link, Words joints, Words earlier) {
   fields.vector3({"axis", "joint axis in the joint frame"}, link.axis, Dimension::none);
   fields.quantity({"mass", "of the link"}, link.mass, Dimension::mass, between(0, 1e4));
   fields.vector3({"com", "centre of mass in the link frame"}, link.com, Dimension::length);
-  fields.vector3({"inertia", "principal moments about the centre of mass, along the link's axes"}, link.inertia,
-                 Dimension::inertia, at_least(0));
+  fields.vector3({"inertia", "principal moments about com, along the link's axes"}, link.inertia, Dimension::inertia,
+                 at_least(0));
 }
 
 void describe_model(Fields& fields, Model& model, Words joints) {
@@ -181,23 +174,23 @@ void describe_model(Fields& fields, Model& model, Words joints) {
   std::vector<std::string_view> links{};
   for (const Link& link : model.links) links.emplace_back(link.joint);
   fields.section({"tool", "point the simulated task is about"}, [&](Fields& f) {
-    f.reference({"link", "joint of the link that carries it"}, model.tool_link, links, "link");
-    f.vector3({"xyz", "position in that link's frame"}, model.tool_xyz, Dimension::length);
+    f.reference({"link", "joint of its link"}, model.tool_link, links, "link");
+    f.vector3({"xyz", "position in the link's frame"}, model.tool_xyz, Dimension::length);
   });
 }
 
 void describe_safe_torque_off(Fields& fields, SafeTorqueOff& output) {
-  fields.choice({"output", "a GPIO line, or, for simulated robots, the lock on a file", "gpio"}, output.output,
+  fields.choice({"output", "GPIO line, or, for simulated robots, a file's lock", "gpio"}, output.output,
                 kTorqueOutputs);
   const auto is = [&](TorqueOutputKind one) { return output.output == one || fields.shows_all(); };
   if (is(TorqueOutputKind::gpio)) {
     fields.text({"chip", "gpio: the chip's device", "/dev/gpiochip0"}, output.chip);
-    fields.integer({"line", "gpio: number of the line on it"}, output.line, 0, 65535);
+    fields.integer({"line", "gpio: its line"}, output.line, 0, 65535);
     fields.choice({"active", "gpio: level at which torque is permitted", "high"}, output.active, kLevels);
   }
   if (is(TorqueOutputKind::file)) fields.text({"file", "file: its path"}, output.file);
-  fields.choice({"on_joint_fault", "whether a joint's fault drops the whole robot's torque by this output"},
-                output.on_joint_fault, kOnJointFault);
+  fields.choice({"on_joint_fault", "whether a joint's fault drops the whole robot's torque"}, output.on_joint_fault,
+                kOnJointFault);
 }
 
 }  // namespace
@@ -210,7 +203,7 @@ void describe_machine(Fields& fields, RobotConfig& robot) {
   fields.each({"joints", "joints, in the order of every vector"}, robot.joints, kMaxJoints,
               [&](Fields& f, Joint& joint) { describe_joint(f, joint, buses); });
   bool present = robot.model.has_value();
-  fields.optional_section({"model", "rigid bodies, for gravity compensation and simulation"}, present, [&](Fields& f) {
+  fields.optional_section({"model", "rigid bodies, for gravity and simulation"}, present, [&](Fields& f) {
     if (!robot.model) robot.model.emplace();
     describe_model(f, *robot.model, joint_names(robot));
   });

@@ -13,14 +13,14 @@ constexpr std::array<std::string_view, 2> kWakeModes{"sleep", "hybrid"};
 void describe_control(Fields& fields, Control& control) {
   fields.duration({"period", "time between control ticks", "1 ms"}, control.period, microseconds(100),
                   milliseconds(100));
-  fields.integer({"priority", "SCHED_FIFO priority of the control thread", "80"}, control.priority, 1, 99);
-  fields.whole_or_none({"cpu", "core of the control thread", "none"}, control.cpu, 0, 1023);
-  fields.choice({"wake", "sleep until the tick, or spin for its last part", "sleep"}, control.wake, kWakeModes);
+  fields.integer({"priority", "SCHED_FIFO priority of the thread", "80"}, control.priority, 1, 99);
+  fields.whole_or_none({"cpu", "core of the thread", "none"}, control.cpu, 0, 1023);
+  fields.choice({"wake", "sleep until the tick, or spin before it", "sleep"}, control.wake, kWakeModes);
   fields.duration({"spin", "hybrid: time to spin before the tick", "100 us"}, control.spin, microseconds(1),
                   milliseconds(50));
-  fields.quantity({"late_share",
-                   "larger share of freshness.window's periods late or skipped causes a damped stop; 1: never", "0.25"},
-                  control.late_share, Dimension::none, Range{.low = 0, .high = 1, .low_open = true});
+  fields.quantity(
+      {"late_share", "damped stop beyond this share of late or skipped periods in freshness.window; 1: never", "0.25"},
+      control.late_share, Dimension::none, Range{.low = 0, .high = 1, .low_open = true});
 }
 
 void describe_freshness(Fields& fields, Freshness& freshness) {
@@ -35,52 +35,43 @@ void describe_freshness(Fields& fields, Freshness& freshness) {
   fields.duration({"window", "sliding window of misses"}, freshness.window, milliseconds(1), seconds(600));
   fields.duration({"recover_after", "uninterrupted fresh time that ends degraded mode"}, freshness.recover_after,
                   milliseconds(1), seconds(600));
-  fields.duration({"flap_memory",
-                   "degraded again this soon after the return to tracking: the next recovery takes twice as long, up "
-                   "to 16 times recover_after",
-                   "10 s"},
-                  freshness.flap_memory, milliseconds(0), seconds(3600));
-  fields.duration({"stop_after", "no usable command for this long causes a damped stop"}, freshness.stop_after,
+  fields.duration(
+      {"flap_memory", "a relapse within this time doubles the next recovery, up to 16 times recover_after", "10 s"},
+      freshness.flap_memory, milliseconds(0), seconds(3600));
+  fields.duration({"stop_after", "damped stop after this long without usable command"}, freshness.stop_after,
                   milliseconds(1), seconds(600));
-  fields.integer({"bad_command_limit", "more invalid messages in the window stop the robot (bad_commands)", "25"},
-                 freshness.bad_command_limit, 1, 1'000'000);
-  fields.quantity(
-      {"clamped_share",
-       "a larger share of the window's ticks with an out-of-range target stops the robot (bad_commands); 1: never",
-       "0.25"},
-      freshness.clamped_share, Dimension::none, Range{.low = 0, .high = 1, .low_open = true});
+  fields.integer(
+      {"bad_command_limit", "damped stop beyond so many invalid messages in the window (bad_commands)", "25"},
+      freshness.bad_command_limit, 1, 1'000'000);
+  fields.quantity({"clamped_share",
+                   "damped stop beyond this share of ticks with out-of-range targets (bad_commands); 1: never", "0.25"},
+                  freshness.clamped_share, Dimension::none, Range{.low = 0, .high = 1, .low_open = true});
 }
 
 void describe_feedback(Fields& fields, FeedbackConfig& feedback) {
-  fields.duration({"timeout", "a joint silent for longer causes a fault"}, feedback.timeout, microseconds(100),
-                  seconds(10));
-  fields.duration({"enable_timeout", "every drive must report enabled this soon after arming", "500 ms"},
-                  feedback.enable_timeout, milliseconds(1), seconds(60));
-  fields.quantity({"rest_velocity", "slower joints count as resting; a damped stop then holds; of a slide, its motor",
-                   "0.02 rad/s"},
+  fields.duration({"timeout", "fault when a joint is silent longer"}, feedback.timeout, microseconds(100), seconds(10));
+  fields.duration({"enable_timeout", "time for every drive to report enabled", "500 ms"}, feedback.enable_timeout,
+                  milliseconds(1), seconds(60));
+  fields.quantity({"rest_velocity", "slower joints count as resting; a damped stop then holds", "0.02 rad/s"},
                   feedback.rest_velocity, Dimension::angular_velocity, above(0, 10));
-  fields.quantity({"jump",
-                   "ignore a position this much further than velocity_hard allows, and stop after three in a row; of a "
-                   "slide, its motor; 0 "
-                   "rad: off",
-                   "0.05 rad"},
-                  feedback.jump, Dimension::angle, between(0, 10));
-  fields.quantity({"contradiction",
-                   "stop when positions and the drive's velocities differ by this and a quarter of the way within "
-                   "about 0.5 s; of a slide, its motor; 0 rad: off",
-                   "0.03 rad"},
-                  feedback.contradiction, Dimension::angle, between(0, 10));
+  fields.quantity(
+      {"jump", "ignore positions this far beyond what velocity_hard allows, stop after three in a row; 0 rad: off",
+       "0.05 rad"},
+      feedback.jump, Dimension::angle, between(0, 10));
+  fields.quantity(
+      {"contradiction",
+       "stop when positions and the drive's velocities differ by this plus a quarter of the way in 0.5 s; 0 rad: off",
+       "0.03 rad"},
+      feedback.contradiction, Dimension::angle, between(0, 10));
   fields.duration(
-      {"frozen_after",
-       "stop when a position is bitwise constant for longer while velocity or torque shows motion; 0 ms: off", "20 ms"},
+      {"frozen_after", "stop when a position is constant this long in motion (velocity, torque); 0 ms: off", "20 ms"},
       feedback.frozen_after, {}, seconds(10));
-  fields.duration({"following_timeout",
-                   "a joint beyond limits.following_error for this long is behind its reference; 0 ms: off", "500 ms"},
-                  feedback.following_timeout, {}, seconds(60));
-  fields.choice(
-      {"following",
-       "for a joint behind its reference: warn; degrade until it follows; stop: damped stop (following_lost)", "warn"},
-      feedback.following, kFollowing);
+  fields.duration(
+      {"following_timeout", "a joint beyond limits.following_error this long is behind; 0 ms: off", "500 ms"},
+      feedback.following_timeout, {}, seconds(60));
+  fields.choice({"following",
+                 "for a joint that is behind: warn, degrade until it follows, or damped stop (following_lost)", "warn"},
+                feedback.following, kFollowing);
 }
 
 void describe_bus_faults(Fields& fields, BusFaults& faults) {
@@ -88,11 +79,11 @@ void describe_bus_faults(Fields& fields, BusFaults& faults) {
     fields.quantity(key, value, Dimension::none, Range{.low = 0, .high = 1, .low_open = true});
   };
   fields.duration({"window", "window of the shares below, about", "1 s"}, faults.window, milliseconds(1), seconds(3));
-  share({"replies_lost", "replies of a joint that never come", "0.5"}, faults.replies_lost);
+  share({"replies_lost", "missing replies of a joint", "0.5"}, faults.replies_lost);
   share({"replies_repeated", "excess replies of a joint", "0.1"}, faults.replies_repeated);
   share({"replies_delayed", "replies of a joint more than two ticks late", "0.5"}, faults.replies_delayed);
-  share({"transmit_drops", "ticks in which a bus did not take a frame of Takt", "0.05"}, faults.transmit_drops);
-  share({"receive_drops", "ticks in which this computer lost frames of a bus", "0.02"}, faults.receive_drops);
+  share({"transmit_drops", "ticks in which a bus took no frame", "0.05"}, faults.transmit_drops);
+  share({"receive_drops", "ticks with frames lost by this computer", "0.02"}, faults.receive_drops);
   share({"foreign_frames", "ticks with another controller on the drives' ids", "0.02"}, faults.foreign_frames);
   share({"babble", "ticks with more frames than the drives can send", "0.1"}, faults.babble);
   share({"error_passive", "ticks with an error-passive controller", "0.5"}, faults.error_passive);
@@ -104,7 +95,7 @@ void describe_timing(Fields& fields, RobotConfig& robot) {
   fields.section({"control", "the control loop", "{}"}, [&](Fields& f) { describe_control(f, robot.control); });
   fields.section({"freshness", "how old a command may be"}, [&](Fields& f) { describe_freshness(f, robot.freshness); });
   fields.section({"feedback", "what the drives owe"}, [&](Fields& f) { describe_feedback(f, robot.feedback); });
-  fields.section({"bus_faults", "limits of bus faults, as shares of the window's ticks; 1: off", "{}"},
+  fields.section({"bus_faults", "limits, as shares of the window's ticks; 1: off", "{}"},
                  [&](Fields& f) { describe_bus_faults(f, robot.bus_faults); });
 }
 

@@ -239,7 +239,7 @@ def fish_completion(helps, program):
 def robot_page(bin_dir, version):
     """takt.robot(5): the key table."""
     table = subprocess.run([bin_dir / "takt", "config", "keys"], check=True, capture_output=True, text=True).stdout
-    rows = [[cell.strip().strip("`") for cell in line.strip("|").split(" | ")] for line in table.splitlines()[2:]]
+    rows = [[cell.strip() for cell in line.strip("|").split(" | ")] for line in table.splitlines()[2:]]
     parts = [f".TH TAKT.ROBOT 5 \"\" \"Takt {version}\" \"Takt\"", ".\\\" Generated from takt config keys.",
              ".SH NAME\ntakt.robot \\- file that describes a robot to Takt",
              ".SH DESCRIPTION\n" + escape("One YAML file describes one robot: its buses, drives, limits, policy and contract. "
@@ -247,9 +247,10 @@ def robot_page(bin_dir, version):
              "Anchors, aliases, merge keys, tags and tabs are refused, and so is a key that is not listed here."),
              ".PP\n" + escape("takt config check FILE names what is wrong with one; takt config schema prints a JSON Schema for "
              "editors."), ".SH KEYS\n" + escape("[] stands for an entry of a list, NAME for a name of your own.")]
-    for key, value, otherwise, meaning in rows:
-        default = "required" if otherwise == "required" else f"default: {otherwise}"
-        parts.append(f"{term_line(key)}\n{escape(f'{meaning[:1].upper()}{meaning[1:]}. Value: {value}; {default}.')}")
+    for key, values, meaning in rows:
+        value, _, otherwise = values.partition("; `")
+        default = f"default: {otherwise.rstrip('`')}" if otherwise else "required"
+        parts.append(f"{term_line(key.strip('`'))}\n{escape(f'{meaning[:1].upper()}{meaning[1:]}. Value: {value}; {default}.')}")
     parts.append(".SH SEE ALSO\n.BR takt\\-config (1),\n.BR takt\\-run (1)")
     return "\n".join(parts) + "\n"
 

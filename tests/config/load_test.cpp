@@ -625,7 +625,7 @@ TEST(Resolved, TheDefaultsOfARevisionStay) {
   for (std::string line; std::getline(file, line); ++lines) {
     const std::size_t tab = line.find('\t');
     const std::string key = line.substr(0, tab);
-    const std::string begin = "\n| `" + key + "` |", otherwise = "| `" + line.substr(tab + 1) + "` |";
+    const std::string begin = "\n| `" + key + "` |", otherwise = "; `" + line.substr(tab + 1) + "` |";
     bool is_there = migration_of(key) != nullptr;
     for (std::size_t row = table.find(begin); row != std::string::npos; row = table.find(begin, row + 1))
       is_there |= table.substr(row + 1, table.find('\n', row + 1) - row).contains(otherwise);

@@ -37,7 +37,7 @@ inline constexpr Refusal kRefusals[] = {
     Refusal{"a missing key", "  max_age: 120 ms\n", "",
             "5:3: key `max_age` is missing in `freshness`; add it: a command older than this is not played"},
     Refusal{"a missing key in a list entry", "    bus: left\n    drive", "    drive",
-            "17:5: key `bus` is missing in `joints[0]`; add it: name of the bus its drive is on"},
+            "17:5: key `bus` is missing in `joints[0]`; add it: bus of its drive"},
     Refusal{"a missing section", "feedback: { timeout: 20 ms }\n", "",
             "1:1: key `feedback` is missing; add it: what the drives owe"},
     Refusal{"a quantity without its unit", "120 ms", "120", "5:12: freshness.max_age: 120 has no unit; write `120 ms`"},
@@ -59,8 +59,7 @@ inline constexpr Refusal kRefusals[] = {
             "6:12: freshness.epsilon: \"0,01\" is text; write the number without quotes"},
     Refusal{
         "an observed quaternion without its order", "term: last_action }", "term: base_orientation }",
-        "56:7: key `order` is missing in `policy.observation[3]`; add it: term base_orientation: of the quaternion's "
-        "four values"},
+        "56:7: key `order` is missing in `policy.observation[3]`; add it: base_orientation: order of the quaternion"},
     Refusal{"an orientation that nothing measures", "term: last_action }", "term: base_orientation, order: xyzw }",
             "56:15: policy.observation[3].term: the robot has no IMU that says it; add `imu`"},
     Refusal{"a clip that is no range", "term: last_action }", "term: last_action, clip: [1, -1] }",
@@ -113,9 +112,8 @@ inline constexpr Refusal kRefusals[] = {
     Refusal{"a fallback faster than a joint", "speed: 0.5 rad/s", "speed: 2.5 rad/s",
             "13:30: fallbacks.tuck.speed: 2.5 rad/s exceeds the velocity limit 2 rad/s of hip; lower it"},
     Refusal{"a fallback policy without its time", "kind: pose, speed: 0.5 rad/s, pose: [0 rad, 10 deg]", "kind: policy",
-            "13:9: key `for` is missing in `fallbacks.tuck`; add it: policy: how long it may move the robot at one go, "
-            "then a "
-            "damped stop; 0 s: without end"},
+            "13:9: key `for` is missing in `fallbacks.tuck`; add it: policy: damped stop after moving the robot this "
+            "long; 0 s: never"},
     Refusal{"a command that the fallback policy does not read", "kind: pose, speed: 0.5 rad/s, pose: [0 rad, 10 deg]",
             "kind: policy, for: 0 s, command: [0]",
             "13:44: fallbacks.tuck.command: the policy has no observation term `command`; drop it"},
@@ -171,11 +169,11 @@ inline constexpr Refusal kRefusals[] = {
         "for another model write none and the five ranges of its manual (position_range, velocity_range, "
         "torque_range, kp_range, "
         "kd_range)"},
-    Refusal{"a drive that may forget where it is", "reply_id: 0, position_after_power_up: absolute }", "reply_id: 0 }",
-            "19:12: key `position_after_power_up` is missing in `joints[0].drive`; add it: all but moteus, what a "
-            "reading is worth after power-on: absolute, the joint's angle; within_a_turn, right but for whole turns; "
-            "one_of_several, but for smaller steps; unknown, nothing. In doubt, `takt joint home` comes before arming. "
-            "mit (damiao, robstride), robstride: within_a_turn; the others: required"},
+    Refusal{
+        "a drive that may forget where it is", "reply_id: 0, position_after_power_up: absolute }", "reply_id: 0 }",
+        "19:12: key `position_after_power_up` is missing in `joints[0].drive`; add it: all but moteus: what a "
+        "reading is after power-on: absolute, within_a_turn, one_of_several, unknown (docs/drives.md); in doubt, "
+        "`takt joint home` comes before arming; mit (damiao, robstride), robstride: within_a_turn; others: required"},
     Refusal{"an unknown protocol", "protocol: mit, variant: tmotor, model", "protocol: mut, variant: tmotor, model",
             "19:24: joints[0].drive.protocol: protocol `mut` is not known; did you mean `mit`?"},
     Refusal{"a protocol that is not spoken", "protocol: mit, variant: tmotor, model",
@@ -201,8 +199,7 @@ inline constexpr Refusal kRefusals[] = {
     Refusal{"a word outside a choice", "wake: sleep", "wake: doze",
             "3:57: control.wake: wake `doze` is not known; write one of: sleep, hybrid"},
     Refusal{"ranges missing without a model", ", kd_range: 5 Nms/rad", "",
-            "34:12: key `kd_range` is missing in `joints[1].drive`; add it: mit, robstride: packed damping spans 0 to "
-            "this"},
+            "34:12: key `kd_range` is missing in `joints[1].drive`; add it: mit, robstride: highest packed damping"},
     Refusal{"two joints of one name", "name: knee", "name: hip",
             "32:11: joints: `hip` is also the name in line 17; rename one\n"
             "42:16: model.links[1].joint: joint `knee` is not known; write one of: hip, hip\n"
