@@ -14,7 +14,7 @@ struct Rule {
 };
 
 inline constexpr std::array kUsableRules{
-    Rule{"A command is usable while it is `fresh` or `aging`: at most `freshness.max_age` old. Older, it is `stale`.",
+    Rule{"A command is usable while `fresh` or `aging`: at most `freshness.max_age` old. Older, it is `stale`.",
          "pipeline_test Freshness.TurnsAtTheExactInstant"},
     Rule{"A chunk is spent one `step_period` after its last step; its command is `missing` then.",
          "pipeline_test Freshness.ASpentChunkIsMissingUntilItIsStale"},
@@ -23,7 +23,7 @@ inline constexpr std::array kUsableRules{
 };
 
 inline constexpr std::array kSilenceRules{
-    Rule{"Between `max_age` and the violation the mode is tracking: each joint brakes, with its own gains.",
+    Rule{"Between `max_age` and the violation each joint brakes in tracking, with its own gains.",
          "pipeline_test Freshness.UntilASilenceIsLateEachJointBrakesWithItsOwnGains"},
     Rule{"A usable command ends that at once, without a ramp.",
          "pipeline_test ResumeRamp.AlsoBeginsWithArmingAndWithNothingElse"},
@@ -38,11 +38,11 @@ inline constexpr std::array kSilenceRules{
     Rule{"Tracking returns once every tick had a usable command for `freshness.recover_after`; one miss restarts the "
          "wait.",
          "pipeline_test Recovery.OneMissStartsTheWaitAgain"},
-    Rule{"A hot drive, or a joint that is behind, keeps degraded a robot that it degrades.",
+    Rule{"A hot drive or a joint that is behind keeps degraded what it degrades.",
          "pipeline_test Temperatures.DegradedByHeatItStaysSoUntilItIsCooler"},
     Rule{"A relapse within `freshness.flap_memory` of the return to tracking doubles the next wait, up to 16 times.",
          "pipeline_test Recovery.FlappingDoublesTheWaitUpToSixteenTimes"},
-    Rule{"A later relapse, or an arming, resets the wait to `recover_after`.",
+    Rule{"A later relapse or an arming resets the wait.",
          "pipeline_test Recovery.FlappingDoublesTheWaitUpToSixteenTimes"},
     Rule{"Back in tracking, and after arming, speed limits rise from `degraded.speed_scale` to full within "
          "`degraded.resume_over`.",
@@ -64,11 +64,11 @@ inline constexpr std::array kGivenRules{
          "pipeline_test TargetMeaning.HeldStepsSendNoVelocityAndHaveNone"},
     Rule{"A reference never leaves the joint's limits, and can always brake inside them.",
          "pipeline_test Join.TheReferenceStaysInsideItsLimits"},
-    Rule{"Once at rest, a stopped robot holds where it stands, until a reset.",
+    Rule{"At rest, a stopped robot holds where it stands, until a reset.",
          "pipeline_test DampedStop.ComesToRestHoldsAndWaitsForTheOperator"},
     Rule{"`how: hold` and `how: policy` last for `stops.NAME.for` (0 s: without end), then `rest` follows.",
          "pipeline_test Stops.AHoldLastsForSoLongAndThenItIsDamped"},
-    Rule{"A worse cause takes over a damped stop with its own `how`, and does not give it back.",
+    Rule{"A worse cause takes over a damped stop with its own `how`, for good.",
          "pipeline_test Stops.AWorseCauseTakesOverWithItsOwnManner"},
     Rule{"A drive that a fault switched off stays off until standby, even if heard again.",
          "pipeline_test Scope.ADriveThatIsHeardAgainStaysWithoutPowerUntilTheReset"},
@@ -79,7 +79,7 @@ inline constexpr std::array kStopRules{
          "reception_test ReceptionTest.APressIsAskedForOnceAlthoughItIsAnsweredElsewhere"},
     Rule{"A second press takes the power of every drive: 0.2 s or more after the first, until standby.",
          "pipeline_test OperatorStop.TheSecondPressTakesThePowerAway"},
-    Rule{"To keep a robot stopped, press once: arming is refused until a reset. After a second press, or `--now`, one "
+    Rule{"To keep it stopped, press once: arming is refused until a reset. After a second press, or `--now`, one "
          "arming moves it.",
          "pipeline_test OperatorStop.AfterOnePressArmingIsRefusedAndAfterTwoItIsNot"},
     Rule{"A stop by a cause or a program is no first press.",
@@ -93,24 +93,23 @@ inline constexpr std::array kStopRules{
          "runtime_test OperatorInbox.AStopDiscardsWhatWouldGetTheRobotGoing"},
     Rule{"A stop while arming leaves drives off that are not yet enabled.",
          "pipeline_test OperatorStop.WhileArmingLeavesOffWhatIsStillOff"},
-    Rule{"SIGTERM stops the robot, and ends the executive at rest, after 10 s at most.", "runtime_test Shutdown.Table"},
+    Rule{"SIGTERM stops the robot, and ends the executive at rest, within 10 s.", "runtime_test Shutdown.Table"},
     Rule{"A second SIGTERM ends it at once.", "runtime_test Shutdown.ASecondSignalEndsItAtOnce"},
     Rule{"A stop that no tick reads within 0.1 s is taken; `takt stop` says so.",
          "reception_test ReceptionTest.AStopThatNoTickReadsIsTakenAndSaysSo"},
 };
 
 inline constexpr std::array kResetRules{
-    Rule{
-        "A reset is granted from `damped_stop` and `fault_latched`, at rest. It leads to standby with every drive off.",
-        "pipeline_test Rest.ALatchedFaultIsResetAtRestOnly"},
-    Rule{"At rest: for 0.1 s each joint that is heard and has power moved no faster than `feedback.rest_velocity`.",
+    Rule{"A reset is granted in `damped_stop` and `fault_latched`, at rest; it leads to standby, drives off.",
+         "pipeline_test Rest.ALatchedFaultIsResetAtRestOnly"},
+    Rule{"At rest: for 0.1 s each heard joint with power moved no faster than `feedback.rest_velocity`.",
          "pipeline_test Rest.StepsOfAnEncoderAreNoMotion"},
     Rule{"That includes what hangs on a lost joint and sags.",
          "pipeline_test Rest.AResetWaitsForWhatHangsOnALostJointToo"},
-    Rule{"It excludes a joint without power.", "pipeline_test Rest.AJointWithoutPowerDelaysNoReset"},
+    Rule{"It excludes joints without power.", "pipeline_test Rest.AJointWithoutPowerDelaysNoReset"},
     Rule{"From `fault_latched` it is refused while a cause holds that blocks it, as named below.",
          "pipeline_test Faults.ResetWaitsUntilTheConditionIsGone"},
-    Rule{"It is granted while a drive still reports its fault, and other causes hold. These block arming.",
+    Rule{"It is granted while a drive reports its fault or other causes hold; these block arming.",
          "pipeline_test Faults.ResetIsGrantedWhileADriveStillReportsItsFault"},
     Rule{"While the fallback policy moves a stopped robot, a reset is refused: take the power.",
          "pipeline_test StopByPolicy.StandingStillUnderItIsNoRest"},
@@ -120,7 +119,7 @@ inline constexpr std::array kResetRules{
          "pipeline_test JointWatch.AJointThatReadsElsewhereAfterASilenceIsNotArmedBeforeAPersonLooked"},
     Rule{"The reset that ends a stop does not accept that.",
          "pipeline_test JointWatch.TheResetThatEndsAStopDoesNotAcceptWhereAJointReads"},
-    Rule{"No command of before a reset moves the robot after it.",
+    Rule{"No command from before a reset moves the robot.",
          "pipeline_test Epoch.NoCommandOfBeforeAResetMovesTheRobotAfterIt"},
 };
 
