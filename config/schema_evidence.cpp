@@ -12,9 +12,9 @@ constexpr std::array<std::string_view, 2> kTargetKinds{"lissajous", "steps"};
 
 void describe_camera(Fields& fields, Simulation& simulation, Words sensors) {
   fields.one_of({"sensor", "an entry of sensors"}, simulation.camera_sensor, sensors, "sensor");
-  fields.duration({"period", "time between two pictures"}, simulation.camera_period, milliseconds(1), seconds(10));
+  fields.duration({"period", "between pictures"}, simulation.camera_period, milliseconds(1), seconds(10));
   fields.duration({"delay", "from shutter to sample", "0 ms"}, simulation.camera_delay, {}, seconds(10));
-  fields.duration({"jitter", "delay varies by up to this", "0 ms"}, simulation.camera_jitter, {}, seconds(10));
+  fields.duration({"jitter", "delay varies by this", "0 ms"}, simulation.camera_jitter, {}, seconds(10));
 }
 
 void describe_target(Fields& fields, Simulation& simulation) {
@@ -72,8 +72,8 @@ void describe_physics(Fields& fields, Simulation& simulation) {
   fields.quantity({"encoder_step", "resolution of encoders; 0 rad: exact", "0 rad"}, simulation.encoder_step,
                   Dimension::angle, between(0, 1));
   fields.duration({"torque_delay", "from command to torque", "0 ms"}, simulation.torque_delay, {}, seconds(1));
-  fields.duration({"drive_watchdog", "drives disable themselves after this long without command", "100 ms"},
-                  simulation.drive_watchdog, milliseconds(1), seconds(10));
+  fields.duration({"drive_watchdog", "time-out of drives without command", "100 ms"}, simulation.drive_watchdog,
+                  milliseconds(1), seconds(10));
   fields.integer({"seed", "seed", "1"}, simulation.seed, 0, std::numeric_limits<std::int64_t>::max());
 }
 
@@ -140,8 +140,7 @@ void describe_otlp(Fields& fields, Otlp& otlp) {
   std::string endpoint = otlp.endpoint.empty() ? "none" : otlp.endpoint;
   fields.flag({"file", "true: otlp_*.jsonl in the run folder", "true"}, otlp.file);
   fields.text({"endpoint", "OTLP/HTTP receiver, http://host:port or https://host:port", "none"}, endpoint);
-  fields.duration({"metrics_period", "time between exports of metrics", "10 s"}, otlp.metrics_period, milliseconds(100),
-                  seconds(3600));
+  fields.duration({"metrics_period", "between exports", "10 s"}, otlp.metrics_period, milliseconds(100), seconds(3600));
   otlp.endpoint = endpoint == "none" ? "" : endpoint;
 }
 

@@ -55,7 +55,7 @@ void describe_command(Fields& fields, Sensor& sensor) {
 void describe_ros(Fields& fields, Sensor& sensor) {
   if (!sensor.ros) sensor.ros.emplace();
   RosTopic& ros = *sensor.ros;
-  fields.text({"topic", "as ros2 topic list shows it"}, ros.topic);
+  fields.text({"topic", "its name"}, ros.topic);
   fields.choice({"type", "of its messages"}, ros.type, kRosTypes);
   if (ros.type == RosType::image || fields.shows_all())
     fields.choice({"encoding", "Image: encoding; another is refused"}, ros.encoding, kRosEncodings);
@@ -84,7 +84,7 @@ void describe_sensor(Fields& fields, Sensor& sensor) {
   bool is_command = sensor.command.has_value();
   fields.optional_section({"command", "operator input"}, is_command, [&](Fields& f) { describe_command(f, sensor); });
   bool is_from_ros = sensor.ros.has_value();
-  fields.optional_section({"ros", "topic of ROS 2, by takt-ros-sensors, in the domain of `dds`"}, is_from_ros,
+  fields.optional_section({"ros", "ROS 2 topic, by takt-ros-sensors, in the domain of `dds`"}, is_from_ros,
                           [&](Fields& f) { describe_ros(f, sensor); });
 }
 
@@ -143,14 +143,17 @@ void describe_term(Fields& fields, ObservationTerm& term, Words sensors, Words j
 
 void describe_join(Fields& fields, Join& join) {
   fields.choice(
-      {"kind", "how it takes over (docs/policies.md); prefix: the old path for as long as promised", "replace"},
+      {"kind",
+       "replace: at once; cross_fade; blend: fixed mixture; ensemble: weighted predictions of an instant; align: the "
+       "difference fades; quintic: align with smooth acceleration; prefix: the old path for as long as promised",
+       "replace"},
       join.kind, kJoinNames);
   fields.duration({"over", "cross_fade, align, quintic: duration of a join", "100 ms"}, join.over, milliseconds(1),
                   seconds(10));
   fields.quantity({"new_share", "blend: the new chunk's share", "0.7"}, join.new_share, Dimension::none, above(0, 1));
   fields.quantity({"decay", "ensemble: m of the weights exp(-m i), i = 0 the oldest prediction", "0.01"}, join.decay,
                   Dimension::none, between(0, 10));
-  fields.duration({"taper", "ensemble: time of a weight's fall at its chunk's end", "0 ms"}, join.taper, {},
+  fields.duration({"taper", "ensemble: time of a weight's fall to zero at its chunk's end", "0 ms"}, join.taper, {},
                   seconds(10));
   fields.duration({"longest", "prefix: longest promise, the longest delay trained for", "10 ms"}, join.longest,
                   microseconds(100), seconds(10));
@@ -164,8 +167,7 @@ void describe_action(Fields& fields, Action& action, Words joints) {
        "hold: a step's target for its period, velocity setpoint only of joint_velocity; linear; cubic: smooth",
        "linear"},
       action.interpolation, kInterpolations);
-  fields.section({"join", "how a new chunk follows the played path", "{}"},
-                 [&](Fields& f) { describe_join(f, action.join); });
+  fields.section({"join", "how a new chunk takes over", "{}"}, [&](Fields& f) { describe_join(f, action.join); });
   fields.quantities({"scale", "factor in rad, rad/s or Nm; slide: m, m/s or N", "1"}, action.scale, Dimension::none,
                     any_value(), {.low = 1, .high = kMaxJoints, .single_allowed = true});
   auto offset = static_cast<std::size_t>(action.offset);
@@ -199,14 +201,13 @@ void describe_sampler(Fields& fields, Sampler& sampler) {
   fields.integer({"steps", "denoising steps, of one size", "8"}, sampler.steps, 1, 1000);
   fields.integer({"seed", "seed of the noise, with the observation's id", "1"}, sampler.seed, 0, 1U << 30U);
   fields.choice(
-      {"prefix", "guided: chunks are drawn towards the played path; trained: the network is shown its next steps",
-       "none"},
+      {"prefix", "guided: drawn towards the played path; trained: the network is shown the steps to be played", "none"},
       sampler.prefix, kPrefixUses);
-  fields.choice({"schedule", "guided: fall of the pull to the path's end", "exponential"}, sampler.schedule,
-                kPrefixSchedules);
+  fields.choice({"schedule", "guided: fall of the pull from the promised steps to the path's end", "exponential"},
+                sampler.schedule, kPrefixSchedules);
   fields.quantity({"limit", "guided: largest share of the error in the velocity", "5"}, sampler.limit, Dimension::none,
                   above(0, 1000));
-  fields.integer({"samples", "samples per answer", "1"}, sampler.samples, 1, kMostSamples);
+  fields.integer({"samples", "per answer", "1"}, sampler.samples, 1, kMostSamples);
   fields.choice({"choice", "coherent: nearest to the played path; agreed: first, as far as all agree", "first"},
                 sampler.choice, kSampleChoices);
   fields.quantity({"decay", "coherent: m of the weights exp(-m i), i = 0 the first step", "0.5"}, sampler.decay,
@@ -225,7 +226,7 @@ void describe_speculation(Fields& fields, Speculation& speculation) {
 void describe_engine(Fields& fields, Engine& engine) {
   fields.text({"name",
                "builtin, onnxruntime, torchscript, a plugin's path (with a slash; docs/own-engine.md); auto: "
-               "torchscript for .pt, else the quicker other",
+               "torchscript for .pt, else the quicker of the others",
                "auto"},
               engine.name);
   fields.integer({"threads", "of one inference", "1"}, engine.threads, 1, kMostEngineThreads);
@@ -239,7 +240,7 @@ void describe_engine(Fields& fields, Engine& engine) {
   fields.each(
       {"shapes", "of inputs, where the file lacks them (torchscript)", "[]"}, engine.shapes, kMaxTensorShapes,
       [](Fields& f, TensorShape& shape) {
-        f.text({"tensor", "name of the input"}, shape.tensor);
+        f.text({"tensor", "the input"}, shape.tensor);
         f.quantities({"shape", "its dimensions"}, shape.shape, Dimension::none, between(1, 1e6), {.low = 1, .high = 8});
       });
 }
@@ -250,8 +251,7 @@ void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& 
   for (const Sensor& sensor : robot.sensors) sensors.emplace_back(sensor.name);
   fields.text({"file", "ONNX file, or another engine's"}, policy.file);
   fields.text(
-      {"signed_by",
-       "Ed25519 public key, PEM: only policies signed with it (FILE.sig) arm this robot (docs/policies.md)", "none"},
+      {"signed_by", "Ed25519 public key, PEM: only policies signed with it (FILE.sig) arm (docs/policies.md)", "none"},
       policy.signed_by);
   fields.duration({"period", "time between observations"}, policy.period, microseconds(100), seconds(10));
   fields.duration({"step_period", "time between steps of a chunk"}, policy.step_period, microseconds(100), seconds(10));

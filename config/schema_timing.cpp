@@ -18,9 +18,8 @@ void describe_control(Fields& fields, Control& control) {
   fields.choice({"wake", "sleep until the tick, or spin before it", "sleep"}, control.wake, kWakeModes);
   fields.duration({"spin", "hybrid: time to spin before the tick", "100 us"}, control.spin, microseconds(1),
                   milliseconds(50));
-  fields.quantity(
-      {"late_share", "damped stop beyond this share of late or skipped periods in freshness.window; 1: never", "0.25"},
-      control.late_share, Dimension::none, Range{.low = 0, .high = 1, .low_open = true});
+  fields.quantity({"late_share", "damped stop beyond this share of late periods in freshness.window; 1: never", "0.25"},
+                  control.late_share, Dimension::none, Range{.low = 0, .high = 1, .low_open = true});
 }
 
 void describe_freshness(Fields& fields, Freshness& freshness) {
