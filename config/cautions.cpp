@@ -92,7 +92,7 @@ std::string what_is(FallbackKind kind) {
   return "a fallback";
 }
 
-// Empty: nobody offers it as safe.
+// Empty: it is not offered as safe.
 std::string what_is(StopHow how) {
   switch (how) {
     case StopHow::rest:

@@ -11,7 +11,7 @@
 
 namespace takt::config {
 
-// Precondition: every key was read without a complaint. Problems are added at the place of the key to mend.
+// Precondition: every key was read without a complaint. Problems are added at the place of the key to correct.
 void check(const RobotConfig& robot, const Places& places, Problems& problems);
 
 // Collects complaints about keys by their path. `joints_key`: what the file calls its list of joints; paths that begin

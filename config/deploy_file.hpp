@@ -8,7 +8,7 @@
 // joints than its maker's largest leaves slots free: the robot's order is that of its slots, without the free ones.
 // Angles rad, gains Nm/rad and Nms/rad, step_dt s. Other exports are brought into the same form; what they do not say
 // is an empty list, or not a number where only some joints are spoken of. Errors: one line per problem,
-// "file:line:column: what; how to mend".
+// "file:line:column: what; how to correct it".
 #pragma once
 
 #include <expected>

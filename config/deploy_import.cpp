@@ -412,7 +412,7 @@ bool reads_imu(const DeployFile& deploy) {
   });
 }
 
-// Limits as the deploy file has them; nobody speaking means: stand still, as near as they allow.
+// Limits as the deploy file has them; no command means: stand still, as near as they allow.
 std::string command_sensor_text(const DeployFile& deploy, const std::string& timeout) {
   std::vector<std::string> names, low, high, absent;
   for (const auto& [name, range] : deploy.command_ranges) {
@@ -493,7 +493,7 @@ std::string terms_text(const DeployFile& deploy, const ImportOptions& options) {
   return text;
 }
 
-// As trained: one target, held, with no velocity. What a chunk's steps are to each other nobody but its author knows.
+// As trained: one target, held, with no velocity. What a chunk's steps are to each other its author alone knows.
 std::string action_text(const DeployFile& deploy, const ImportOptions& options) {
   if (const auto& tensors = deploy.tensors) {
     std::vector<std::string> joints, outputs;

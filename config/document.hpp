@@ -4,7 +4,7 @@
 // Only the part of YAML that cannot surprise is let through: no anchors, aliases, merge keys or tags, no second
 // document, no tab characters, no control characters, no duplicate keys, at most 1 MiB. Scalars keep their text:
 // nothing is guessed to be a number or a boolean here. Errors: one line per problem, "file:line:column: what; how to
-// mend".
+// correct it".
 #pragma once
 
 #include <cstdint>

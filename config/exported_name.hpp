@@ -11,7 +11,7 @@
 
 namespace takt::config {
 
-// Empty: it is a name. Otherwise half a sentence: which it is, what is wrong and how to mend it.
+// Empty: it is a name. Otherwise half a sentence: which it is, what is wrong and how to correct it.
 std::string why_no_name(std::string_view text);
 
 }  // namespace takt::config

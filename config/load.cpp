@@ -68,7 +68,7 @@ std::expected<RobotConfig, std::string> robot_of(Node root, const std::string& n
   return robot;
 }
 
-// Where they stand in the canonical text helps nobody: complaints name the key instead.
+// Places in the canonical text help no reader: complaints name the key instead.
 void forget_places(Node& node) {
   node.place = {};
   for (Node& item : node.items) forget_places(item);

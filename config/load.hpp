@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Loads a robot file. Strict: unknown or duplicate keys, missing units, YAML octals and booleans-by-accident, reversed
-// ranges and count mismatches are refused with one line "file:line:column: what; how to mend".
+// ranges and count mismatches are refused with one line "file:line:column: what; how to correct it".
 #pragma once
 
 #include <expected>

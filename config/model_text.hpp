@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The text of a robot's model (MJCF, URDF) as one: what it includes stands where it is included, as MuJoCo reads it,
-// and comments are blank. Errors: one sentence, "FILE:LINE: what; how to mend".
+// and comments are blank. Errors: one sentence, "FILE:LINE: what; how to correct it".
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,7 @@ struct ModelText {
   std::vector<Line> lines;         // where each line of `text` begins
 };
 
-// Included files are named from the model's folder, whoever includes them.
+// Included files are named from the model's folder, whichever file includes them.
 std::expected<ModelText, std::string> read_model_text(const std::string& path);
 
 // The bytes of all of the model's files, which tell one model from another: of a model that is one file, that file's.

@@ -23,7 +23,7 @@ class Reader final : public Fields {
   Reader(const Node& node, std::string path, Problems& problems, Places& places);
   // A key that is dealt with elsewhere, and no unknown one.
   void knows(std::string_view key) { declared_.emplace_back(key); }
-  // Reports the keys nobody asked for. Call once, after the description was walked.
+  // Reports the keys that were not asked for. Call once, after the description was walked.
   void finish();
 
   void quantity(const Key& key, double& value, Dimension dimension, Range range) override;

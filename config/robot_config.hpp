@@ -354,7 +354,7 @@ struct ImageShape {
   [[nodiscard]] std::uint32_t bytes() const { return height * width * channels; }
 };
 
-// What a person wants, and what holds while nobody says anything.
+// Limits of an operator's input, and the value used without any.
 struct CommandLimits {
   std::vector<double> minimum, maximum, when_absent;  // one per value
 };
@@ -543,7 +543,7 @@ struct RobotConfig {
   std::optional<Model> model;                    // absent: no gravity compensation, no simulation
   std::optional<Policy> policy;
   std::vector<Sensor> sensors;
-  std::optional<Imu> imu;  // absent: the base stands on the ground, or nobody asks how it stands
+  std::optional<Imu> imu;  // absent: the base stands on the ground, or no part asks how it stands
   Record record;
   std::optional<Dds> dds;                // absent: no DDS at all
   std::optional<Prometheus> prometheus;  // absent: no port is opened

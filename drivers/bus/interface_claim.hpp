@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One controller per CAN interface: whoever means to send on it holds this claim, whatever its runtime directory.
+// One controller per CAN interface: a process that sends on it holds this claim, whatever its runtime directory.
 //
 // A name in the kernel's abstract socket namespace, made of the interface's index. Like interfaces, such names belong
 // to a network namespace: two containers with an interface of the same index each do not meet. It needs no file and no

@@ -28,8 +28,8 @@ struct LoopbackFaults {
   // Nothing is read from the nodes: their queues fill, then their send() says queue_full. What was queued flows when
   // the stall ends. pump() does not wait meanwhile.
   bool stalled = false;
-  bool drop_from_nodes = false;  // what the nodes send reaches nobody
-  bool drop_to_nodes = false;    // what the hub's own node sends reaches nobody
+  bool drop_from_nodes = false;  // what the nodes send is dropped
+  bool drop_to_nodes = false;    // what the hub's own node sends is dropped
   // As drop_from_nodes, and the sender's controller reports every frame it gave up (tx_dropped grows).
   bool refuse_transmit = false;
 };

@@ -4,7 +4,7 @@
 //
 // The distance between the two clocks is sampled per batch, after the batch was read, with two vDSO reads, no system
 // call, so a stepped wall clock spoils at most the stamps of frames in flight. A spoilt stamp may make a frame older,
-// never younger: one that waited for long, or seems to, is as old as its stamp says; one whose age nobody knows
+// never younger: one that waited for long, or seems to, is as old as its stamp says; one whose age is unknown
 // (stamped in the future, or not at all) counts as kUndated. Thread rule: none of its own. Source: socket(7), can.rst.
 #pragma once
 

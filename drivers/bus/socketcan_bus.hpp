@@ -6,7 +6,7 @@
 // the bus is off nothing is queued: a restarted controller would deliver stale setpoints.
 //
 // A controller that hands our frames back once they are on the wire (IFF_ECHO) is asked to: its stamps say when a frame
-// left, and what still waits. Where the kernel itself would hand them back, at the write, nobody knows.
+// left, and what still waits. Where the kernel itself would hand them back, at the write, this is unknown.
 // Errors of open(): one sentence. Thread rule: as CanBus; open() is set-up. Source: Documentation/networking/can.rst.
 #pragma once
 

@@ -6,7 +6,7 @@
 namespace takt::drivers::guard {
 namespace {
 
-// As a remote frame alone: what 00 and its data would mean, nobody says.
+// As a remote frame alone: what 00 and its data would mean is not documented.
 bool is_version_question(const CanFrame& frame) noexcept {
   return (frame.id & 0x1FU) == 0 && !frame.extended && !frame.fd && !frame.error && frame.length == 0;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What somebody made sure of for a drive that does not know it: where its joint is since power-on. Kept by the drive's
+// What the operator told of a drive that does not know it: where its joint is since power-on. Kept by the drive's
 // driver, and forgotten as soon as the drive may have forgotten. rad, joint side. Thread rule: as JointDriver.
 #pragma once
 

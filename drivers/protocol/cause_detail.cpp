@@ -170,7 +170,7 @@ CauseFindings cause_findings(Cause cause, const TickRecord& record, const config
         return joint.feedback.drive_state == DriveState::enabled ? "" : "not enabled in time";
       });
     case Cause::feedback_lost:
-      if (record.header.slept_ms != 0) return {};  // nobody's fault alone: every joint is unheard
+      if (record.header.slept_ms != 0) return {};  // no one joint's fault: every joint is unheard
       return joints_where(record, robot, [&](const JointRecord& joint, const config::Joint&) {
         return silence(joint, record.header.now, robot.feedback.timeout);
       });

@@ -75,7 +75,7 @@ struct CardRow {
   std::string expected;
   std::vector<std::uint32_t> keys;  // all of them must be told; none and a text: known from the start
   bool instead = false;
-  // Of the keys' values, in their order; unset: nobody can tell.
+  // Of the keys' values, in their order; unset: it cannot be told.
   std::function<std::string(std::span<const std::uint32_t>)> text{};
   // Unset: agrees where nothing else is expected than the text, differs where another is.
   std::function<bool(std::span<const std::uint32_t>)> fits{};

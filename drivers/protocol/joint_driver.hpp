@@ -119,7 +119,7 @@ class JointDriver {
   [[nodiscard]] virtual bool is_set_up() const noexcept = 0;
   // For a listener beside the host that set the drive up: its reports mean from now on what they mean to that host.
   virtual void assume_set_up() noexcept {}
-  // For whoever made sure where the joint is (SetupFault::home_unknown), of drives that do not know it themselves: it
+  // For a caller that knows where the joint is (SetupFault::home_unknown), of drives that do not know it themselves: it
   // holds if the next reading is within `tolerance` of q, and until the drive may have lost it. rad, joint side; an
   // infinite tolerance: wherever it is. Set-up only.
   virtual void assume_home(float /*q*/, float /*tolerance*/) noexcept {}

@@ -5,10 +5,10 @@
 // within_a_turn   A reading is right but for whole turns of the drive's output. Of the places that it may mean, the one
 //                 inside limits.position and its margin is taken, if no other one lies within kPlaceDoubt of them:
 //                 shift() is what makes it of the reading. Else it is in doubt until the joint comes to where it is
-//                 not, or somebody says it
-// one_of_several  The same with smaller steps, which limits do not tell apart: somebody says it
-// unknown         A reading says nothing: somebody says it
-// Somebody says it: assume_home(), beforehand.
+//                 not, or the operator says it
+// one_of_several  The same with smaller steps, which limits do not tell apart: the operator says it
+// unknown         A reading says nothing: the operator says it
+// The operator says it: assume_home(), beforehand.
 //
 // In doubt the drive has a fault, SetupFault::home_unknown, and is not enabled. It is in doubt at first, and again
 // after kTicksToDoubt ticks without a reading, for what it knew may be gone with its supply, and after readings that no

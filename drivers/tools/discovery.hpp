@@ -27,7 +27,7 @@ struct Found {
 // Frames to ask the drive with this number with; none: its protocol's drives speak by themselves.
 std::vector<CanFrame> questions_to(config::DriveProtocol protocol, std::uint32_t id);
 // What a drive of the robot file is asked besides, since to another protocol's drive it may mean anything. T-Motor
-// drives answer commands only; the one that disables is harmless to a drive that nobody uses. A Damiao that speaks CAN
+// drives answer commands only; the one that disables is harmless to a drive not in use. A Damiao that speaks CAN
 // FD is asked in it, and an ODrive for its version.
 std::vector<CanFrame> own_questions(const config::Drive& drive, const config::Bus& bus);
 // What a drive of that protocol said; nothing: the frame is not one it would send.

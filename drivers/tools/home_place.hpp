@@ -19,7 +19,7 @@ bool forgets_home(const config::Drive& drive);
 // has no such frame.
 std::optional<CanFrame> home_frame(const config::Joint& joint, double q);
 
-// What to add to what the drive reads, by the robot file's offset, where somebody says that the joint is at `at`: whole
+// What to add to what the drive reads, by the robot file's offset, where the operator says the joint is at `at`: whole
 // steps, or, of a drive that says nothing, any angle. The error is why that is in doubt: no place within a quarter of a
 // step, one that the joint or the drive cannot reach, or a reading as any that begins to count has it.
 std::expected<double, std::string> shift_between(const config::Joint& joint, double read, double at);

@@ -6,7 +6,7 @@
 // Drives that take a finished torque or velocity get the spring's, from a reading no older than 20 ms. The target
 // must lie inside the joint's position limits, or on the way to them: otherwise nothing is enabled. Gravity, where it
 // is known, is carried besides, by feed-forward torque: drives that close their own loop get it where their protocol
-// has room for it. A joint that strays further than kOffRamp from the reference is let go at once: it is blocked,
+// has room for it. A joint that strays further than kOffRamp from the reference is released at once: it is blocked,
 // falls, or turns the other way.
 //
 // phase      entered                              drive meanwhile

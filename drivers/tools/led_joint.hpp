@@ -10,7 +10,7 @@
 
 namespace takt::drivers {
 
-inline constexpr Duration kLedSilence = milliseconds(100);  // of a drive that is pushed: longer, and it is let go
+inline constexpr Duration kLedSilence = milliseconds(100);  // of a drive that is pushed: longer, and it is released
 inline constexpr Duration kLedYoung = milliseconds(20);     // a reading that a push may stem from
 
 // Why an enabled drive is to be let go at once; empty: it is enabled, heard and without a fault.

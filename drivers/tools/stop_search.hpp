@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Leads one joint slowly against its mechanical stop, with a torque that it is never pushed harder than, and says where
-// it came to stand. For a joint of which nobody knows yet where it is: limits.position cannot hold, gravity cannot be
+// it came to stand. For a joint whose position is not known yet: limits.position cannot hold, gravity cannot be
 // computed and is not carried. Anything odd ends it with the drive disabled.
 //
 // phase      entered                              drive meanwhile
@@ -10,8 +10,8 @@
 // releasing  stop found, failed, or give_up()     disabled, for kRelease
 // ended      after that
 // A stop is where the joint, pulled with all of `torque`, does not move by kStill for kStandsFor, having moved by
-// kLeastWay before: one that did not move is blocked, or too heavy, or was at the stop already, and which, nobody
-// knows. Units: joint side, rad, rad/s, Nm. Thread rule: one thread. Pure but for the driver's memory.
+// kLeastWay before: one that did not move is blocked, or too heavy, or was at the stop already, and which, the
+// search cannot tell. Units: joint side, rad, rad/s, Nm. Thread rule: one thread. Pure but for the driver's memory.
 #pragma once
 
 #include <cstdint>

@@ -6,7 +6,7 @@
 // A scale of 1 is right. 9.55 is revolutions per minute taken for rad/s or the other way round, a gear's ratio is a
 // velocity of the motor's side, 45/50 a range that belongs to another drive. The offset takes up what a code without an
 // exact zero reports at rest. How far the scale is known follows from the steps in which the velocity comes, over the
-// speed that was reached, and from changes of the velocity between readings far apart, whose course nobody saw. Units:
+// speed that was reached, and from changes of the velocity between readings far apart, whose course is unknown. Units:
 // rad, rad/s, joint side. Pure. Thread rule: one thread at a time.
 #pragma once
 

@@ -4,7 +4,7 @@
 // and no emergency stop.
 //
 // After construction torque is not permitted. At destruction it is taken, and the output is given back; so it is, by
-// the kernel, when the process dies. What a line does that nobody holds is the hardware's affair:
+// the kernel, when the process dies. What a line without a holder does is the hardware's affair:
 // docs/safe-torque-off.md.
 #pragma once
 

@@ -54,7 +54,7 @@ enum class Cause : std::uint8_t {
   torque_output_lost,   // the output that permits torque does not do as it is told
   tilt,                 // the base leans or turns beyond its limits
   imu_lost,             // no usable sample of the base's IMU for its timeout
-  fallback_spent,       // the fallback policy's time is over, or it talks nonsense
+  fallback_spent,       // the fallback policy's time is over, or it sends invalid commands
   temperature_high,     // a drive is hotter than its joint's warning: told, or degraded by configuration
   overtemperature,      // a drive is hotter than its joint's limit
   degraded_spent,       // degraded for as long as the robot may be

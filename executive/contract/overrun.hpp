@@ -12,7 +12,7 @@ namespace takt {
 enum class OverrunCause : std::uint8_t {
   none,
   blocked,         // the loop slept inside the tick: a voluntary switch in its own call
-  preempted,       // run delay grew: the scheduler gave the core to somebody else
+  preempted,       // run delay grew: the scheduler gave the core to another task
   page_fault,      // memory was not resident
   own_overrun,     // the tick itself worked for too long
   platform_stall,  // neither: hypervisor steal, SMI, late timer

@@ -71,7 +71,7 @@ constexpr auto fields_of(Shared<Of>) {
 }
 
 struct PolicyInputSample {
-  std::uint64_t sequence = 0;  // UINT64_MAX: nobody spoke, and a command's when_absent stood in
+  std::uint64_t sequence = 0;  // UINT64_MAX: no command was given, its when_absent stood in
   MonoTime sensed_at;
   MonoTime published_at;
   std::uint32_t sensor = 0;       // index into the robot file's sensors

@@ -27,7 +27,7 @@
 
 namespace takt {
 
-// `stop` may be repeated without end: a damped stop, whoever asks how often. `press_stop` is a person's hand on the
+// `stop` may be repeated without end: a damped stop, however often it is asked. `press_stop` is a person's hand on the
 // stop: the first is a stop, one that comes while it is in force de-energises. `deenergise` does so at once. `mark`
 // decides nothing: a person says "look here", and the tick that read it says so in the record. `swap`: the candidate
 // is to play (pipeline/candidate.hpp); `back`: the robot's own policy again.
@@ -115,7 +115,7 @@ constexpr auto fields_of(Shared<Of>) {
 enum class PolicyChange : std::uint8_t {
   none,
   asked,              // by a person: the next answer of the other policy takes over
-  refused,            // nobody to change to: not the policy that was named, or none of its commands is fresh
+  refused,            // no policy to change to: not the policy that was named, or none of its commands is fresh
   expired,            // no answer of the other policy came in time: nothing changed
   swapped,            // the candidate plays, on probation
   back,               // the robot's own policy plays again, as a person asked
@@ -141,7 +141,7 @@ constexpr bool is_handover(PolicyChange change) {
 
 // What is told of the candidate's seat alone. All zero where there is no candidate.
 struct CandidateRecord {
-  std::uint64_t policy_hash = 0;   // input: of the candidate's mailbox, whoever is in charge; 0: none yet
+  std::uint64_t policy_hash = 0;   // input: of the candidate's mailbox, whichever policy is in charge; 0: none yet
   std::uint64_t asked_policy = 0;  // input: of a swap, the policy that was named
   JointMask beyond_range = 0;      // joints whose target would be brought into its range
   JointMask beyond_limits = 0;     // joints whose path would touch a limit of velocity or acceleration
@@ -285,7 +285,7 @@ constexpr auto fields_of(Shared<Of>) {
 }
 
 // Whether the joint's drive is written to in this tick: in its turns, and in every change of mode, for a stop waits for
-// nobody's turn.
+// no turn.
 constexpr bool is_written(const Turns& turns, const TickRecordHeader& header) {
   return turns.has(header.tick) || header.mode != header.previous_mode;
 }

@@ -4,7 +4,7 @@
 // computer has to cover it. Modes, stop categories, bounds and what clears a cause are not repeated here: they are the
 // reaction table's.
 //
-// It claims no conformance to any standard. It says what this software does and does not do, for whoever assesses a
+// It claims no conformance to any standard. It says what this software does and does not do, for the assessor of a
 // robot. The compiler refuses a cause without a row and a row that is incomplete; a test runs every proof named here
 // (tests/exploration/hazards_test.py) and holds docs/hazards.md to this table and to the times that are measured.
 #pragma once

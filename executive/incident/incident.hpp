@@ -31,7 +31,7 @@ struct Incident {
   MonoTime at;
   Mode from = Mode::standby, to = Mode::standby;
   Cause cause = Cause::none;
-  bool asked = false;            // a person wanted it: no fault, nobody is paged
+  bool asked = false;            // the operator wanted it: no fault, no page is sent
   std::string where{};           // "joint elbow", "bus can0"; several are joined by ", "; empty: the robot as a whole
   std::uint32_t error_code = 0;  // the drive's own, of the first joint named; 0 none
   std::string detail{};          // in the drive's own words: "joint elbow: over-temperature"

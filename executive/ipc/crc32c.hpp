@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // CRC-32C (Castagnoli, RFC 3720 section 12.1): detects payloads that were changed while they were copied.
-// It is no authentication: whoever can write the segment can also write a matching checksum.
+// It is no authentication: a process that can write the segment can also write a matching checksum.
 //
 // Uses the processor's own instruction where it has one (chosen at the first call), a table elsewhere; both give equal
 // results. Thread rule: any thread; no allocation, lock or system call.

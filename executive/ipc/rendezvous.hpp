@@ -7,10 +7,10 @@
 // client acknowledges (one byte) once it has mapped its mailbox; only then does the server seal and read it. It may say
 // what keeps it from answering (PolicyWord), which the server passes on to the monitor. A monitor says again and again
 // how far the run has reached its medium (RecorderWord).
-// A policy that does not acknowledge within kGreetingTimeout loses the lease, so that it keeps nobody else out.
+// A policy that does not acknowledge within kGreetingTimeout loses the lease, so that it keeps no other policy out.
 // Policy, fallback policy, candidate policy and monitor leases are exclusive. A sensor mailbox and the record rings may
 // have several readers, and operator connections, which last for one request, may overlap. Nothing blocks: the server
-// is driven by poll(); connects have a deadline. Whoever speaks out of turn is disconnected. Thread rule: service
+// is driven by poll(); connects have a deadline. A client out of turn is disconnected. Thread rule: service
 // threads only; a server and its handlers belong to one thread.
 #pragma once
 
@@ -35,9 +35,9 @@
 
 namespace takt::ipc {
 
-// Nobody keeps an operator out, nor the one policy and the one monitor. Viewers and sensor readers, who stay, are
-// bounded: one more is refused with a sentence. So is the policy's user, who has a few connections of its own. Whoever
-// is greeting or asking, which takes an instant, gives way when too many do: of these the one that was quiet longest.
+// No client keeps an operator out, nor the one policy and the one monitor. Viewers and sensor readers stay: they are
+// bounded: one more is refused with a sentence. So is the policy's user, with a few connections of its own. One that
+// greets or asks, which takes an instant, gives way when too many do: of these the one that was quiet longest.
 inline constexpr std::size_t kMaxReaders = 32, kMaxAsking = 16, kMaxPolicyConnections = 8;
 // A client that connected must speak within this time, an operator must ask and a policy acknowledge within it.
 inline constexpr std::chrono::milliseconds kGreetingTimeout{1000};
@@ -114,7 +114,7 @@ struct Lease {
 std::expected<Lease, std::string> attach(const std::string& path, const Hello& hello,
                                          std::chrono::milliseconds timeout);
 std::expected<void, std::string> acknowledge(const Lease& lease);
-// How far the run has reached the monitor's medium; tick 0: nothing is recorded any more. Waits for nobody: a word that
+// How far the run has reached the monitor's medium; tick 0: nothing is recorded any more. Never waits: a word that
 // finds no room is lost, and the next one says more.
 void tell_recorded(const Lease& lease, std::uint64_t through_tick);
 // A policy's host of itself. Waits for nothing: a word that finds no room is lost. A longer sentence is cut off.
@@ -125,7 +125,7 @@ std::optional<std::variant<PolicyWord, OperatorWord>> next_word(const Lease& lea
 inline constexpr std::size_t kLongestMark = 120;  // bytes
 // True once the server closed the connection or died.
 bool is_over(const Lease& lease);
-// A stop takes its own way first (stop_line.hpp) and is under way before anybody has to answer; the error says so.
+// A stop takes its own way first (stop_line.hpp) and is under way before any process has to answer; the error says so.
 // `policy_hash`: of a swap, the policy that is to play. `text`: of a mark; more than kLongestMark bytes are cut off.
 std::expected<OperatorReply, std::string> ask(const std::string& path, OperatorVerb verb,
                                               std::chrono::milliseconds timeout, std::uint64_t policy_hash = 0,

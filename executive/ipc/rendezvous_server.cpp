@@ -169,7 +169,7 @@ void RendezvousServer::State::serve(std::chrono::milliseconds timeout) {
   const auto is_ready = [&](std::size_t i, int events) {
     return any_ready && (polled[i + 1].revents & events) != 0 && polled_connections[i]->stage != Stage::closed;
   };
-  // Departures first, so that a lease is free again for whoever comes right after its holder.
+  // Departures first, so that a lease is free again for a client that comes right after its holder.
   for (std::size_t i = 0; i < polled_connections.size(); ++i) {
     if (is_ready(i, POLLHUP | POLLERR)) drop(*polled_connections[i]);
   }
@@ -180,7 +180,7 @@ void RendezvousServer::State::serve(std::chrono::milliseconds timeout) {
   drop_silent();
 }
 
-// One per round: whoever hung up before this newcomer connected has been noticed, and gave room.
+// One per round: a client that hung up before this newcomer connected has been noticed, and gave room.
 void RendezvousServer::State::accept_newcomer() {
   Descriptor socket(accept4(claim_.listener(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
   if (!socket.is_open()) return;
@@ -207,7 +207,7 @@ std::ptrdiff_t RendezvousServer::State::connections_like(const Peer& peer) const
   });
 }
 
-// An operator who connected speaks at once: whoever is quiet longest is none in need.
+// An operator who connected speaks at once: the one that is quiet longest is none in need.
 void RendezvousServer::State::make_room(const Connection& newcomer) {
   std::size_t asking = 0;
   Connection* quietest = nullptr;

@@ -6,7 +6,7 @@
 //  - a peer's mailbox that we read: create unmapped -> peer maps writable and acknowledges ->
 //    seal_against_new_writers -> map_read_only. A new segment per writer session.
 // Every segment is sealed SHRINK|GROW from birth, and one that is not is refused: truncating a mapped file raises
-// SIGBUS in whoever reads it, locked memory or not. Source: fcntl(2) "File Sealing", memfd_create(2). Errors are one
+// SIGBUS in its readers, locked memory or not. Source: fcntl(2) "File Sealing", memfd_create(2). Errors are one
 // sentence with errno's text. Thread rule: set-up only, never on the control thread.
 #pragma once
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Hands a sensor's mailbox to whoever may read it (policy hosts, the executive), and publishes samples into it. The one
-// way in which a sensor is served, whoever plays it: the simulator, or a process from outside (takt/client.h).
+// Hands a sensor's mailbox to its permitted readers (policy hosts, the executive), and publishes samples into it. The
+// one way in which a sensor is served, whatever plays it: the simulator, or a process from outside (takt/client.h).
 //
 // A sample is either written in place, begin() then commit(), or copied by publish(). A process that dies between begin
 // and commit leaves the sample before readable.

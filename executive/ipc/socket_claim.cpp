@@ -43,7 +43,7 @@ std::expected<void, std::string> make_directory(const std::string& directory, ui
   return give_to(directory, owner);
 }
 
-// Held while a server looks and binds: microseconds. A file that the directory's owner alone may open, for whoever may
+// Held while a server looks and binds: microseconds. A file that the directory's owner alone may open: who may
 // open a directory may lock it for ever.
 std::expected<Descriptor, std::string> lock_beside(const std::string& directory) {
   constexpr int kTries = 200;
@@ -76,7 +76,7 @@ std::expected<void, std::string> clear_path(const std::string& path) {
   }
   const Descriptor probe = open_seqpacket(SOCK_NONBLOCK);
   if (!probe.is_open()) return failed("cannot open a socket");
-  // EAGAIN: somebody listens, but is too busy to accept.
+  // EAGAIN: a server listens, but is too busy to accept.
   if (connect_to(probe, path) || errno == EAGAIN) {
     return std::unexpected("rendezvous: another server is live at " + path +
                            ": stop it first or choose another --runtime-dir");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stop's own way into the executive: a datagram socket (stop.sock) beside the one where everybody meets. It has no
-// connection, no greeting, no lease and no answer, so nobody can occupy it and nothing has to be waited for: one
+// The stop's own way into the executive: a datagram socket (stop.sock) beside the one where clients meet. It has no
+// connection, no greeting, no lease and no answer, so no process can occupy it and nothing has to be waited for: one
 // message, one word. Only our own user and root may write to it: the file's mode says so.
 //
 // An answer comes over the ordinary socket (ipc::ask), when the executive has time for one.
@@ -61,7 +61,7 @@ class StopLine {
 };
 
 // Hands a stop to the executive that listens at `path`; waits only where as many as the kernel queues were not read
-// yet, and not long. False: nobody listens there, or we may not ask (errno).
+// yet, and not long. False: no process listens there, or we may not ask (errno).
 bool hand_over_stop(const std::string& path, OperatorVerb verb);
 
 }  // namespace takt::ipc

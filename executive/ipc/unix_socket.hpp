@@ -32,7 +32,7 @@ std::string errno_text();
 std::expected<Descriptor, std::string> listen_at(const std::string& path);
 // EAGAIN in errno when the backlog stayed full for the socket's send timeout.
 bool connect_to(const Descriptor& socket, const std::string& path);
-// False only when the kernel says that nobody listens there; a server that may not be asked is there all the same.
+// False only when the kernel says that no process listens there; a server that may not be asked is there all the same.
 bool may_listen(const std::string& path);
 Descriptor open_seqpacket(int flags = 0);  // flags: SOCK_NONBLOCK or 0
 std::expected<void, std::string> check_path(const std::string& path);

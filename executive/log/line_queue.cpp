@@ -25,7 +25,7 @@ bool write_whole(int fd, std::string_view text) {
     const ssize_t written = write(fd, text.data(), text.size());
     if (written >= 0) {
       text.remove_prefix(static_cast<std::size_t>(written));
-    } else if (errno == EAGAIN) {  // somebody who shares the descriptor made it non-blocking
+    } else if (errno == EAGAIN) {  // a process that shares the descriptor made it non-blocking
       pollfd room{fd, POLLOUT, 0};
       poll(&room, 1, -1);
     } else if (errno != EINTR) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lines on their way to a file descriptor that nobody may be reading: a bounded queue, and a thread of its own that
+// Lines on their way to a file descriptor that may have no reader: a bounded queue, and a thread of its own that
 // writes. push() never waits for the reader: when the queue is full, the oldest line makes room and is counted, and the
 // next line that gets through is preceded by the number. A descriptor that is closed or broken swallows lines, counted.
 //
@@ -27,7 +27,7 @@ class LineQueue {
   void push(std::string line);
   // True once everything pushed before was written or counted as lost; false after `patience`.
   bool drain(std::chrono::milliseconds patience);
-  // Lines that nobody will read, since the start.
+  // Lines that were dropped, since the start.
   [[nodiscard]] std::uint64_t dropped() const;
 
  private:

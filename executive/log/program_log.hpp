@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The log of a program that runs for long: spdlog's default logger onto standard error, through a queue
-// (line_queue.hpp), so that logging never blocks whoever logs; and SIGPIPE ignored, so that a reader who leaves ends
+// (line_queue.hpp), so that logging never blocks the caller; and SIGPIPE ignored, so that a reader who leaves ends
 // no program. Instants are UTC. Lines to the journal begin with their priority, for `journalctl -p`.
 #pragma once
 

@@ -120,7 +120,7 @@ void keep_brake(TickState& state, const Choice& choice, std::span<JointTarget> t
   }
 }
 
-// How far out the barriers leave a joint alone: where it is while nobody asks it to be elsewhere, else its reference,
+// How far out the barriers leave a joint alone: where it is while no command moves it, else its reference,
 // which comes back at the pace of the limits.
 float may_stay_at(const Choice& choice, Part part, const JointRecord& joint) {
   const bool follows = part == Part::as_chosen ? choice.reference == Reference::follow_measured : part != Part::holds;

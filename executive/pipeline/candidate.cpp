@@ -92,7 +92,7 @@ Arrival take_candidate_message(TickState& state, const TickInput& input, const T
   CandidateState& candidate = state.candidate;
   SeatState& beside = state.seats[Seat::candidate];
   const PolicyMessage& message = input.messages[Seat::candidate];
-  // Who was asked for is gone, and whoever came instead was not asked for.
+  // The policy that was asked for is gone, and its successor was not asked for.
   if (message.session != beside.session && candidate.in_charge == 0 && candidate.asked_at.is_set()) {
     candidate.asked_at = {};
     change = PolicyChange::expired;

@@ -73,7 +73,7 @@ CauseMask of_guard(const TickRecord& record) {
   return when(broken, Cause::internal_error);
 }
 
-// Of those that have drives: on another nothing is sent, so that nobody would learn that it is up again.
+// Of those that have drives: on another nothing is sent, so that its return would stay unseen.
 CauseMask of_buses(const TickRecord& record, const TickConfig& config) {
   CauseMask active = 0;
   for (std::size_t j = 0; j < config.joint_count; ++j) {
@@ -108,7 +108,7 @@ bool is_out_of_range(const TickWindow& clamped, const TickConfig& config) {
   return static_cast<double>(clamped.count()) > config.clamped_share * config.freshness.window_ticks;
 }
 
-// The fallback policy's time is over, or it talks nonsense: nobody is left to answer for that, so it is not the
+// The fallback policy's time is over, or it sends invalid commands: no other policy can take over, so it is not the
 // policy's bad_commands, which a stop may leave to the fallback.
 bool is_fallback_spent(const TickState& state, MonoTime now, const TickConfig& config) {
   const MonoTime since = state.fallback.plays_since;
@@ -172,7 +172,7 @@ bool is_silent(const TickState& state, std::size_t j, const TickRecord& record, 
   return !heard_at.is_set() || record.header.now - heard_at > config.feedback_timeout + joint.stood_still;
 }
 
-// Before it was told anything, nothing is known of it: nobody arms on doubt.
+// Before it was told anything, nothing is known of it: doubt forbids arming.
 bool is_torque_output_lost(const TickRecordHeader& header, const TickConfig& config) {
   return config.has_torque_output && header.torque_output != TorqueOutputState::as_told;
 }

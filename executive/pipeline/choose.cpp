@@ -29,7 +29,7 @@ Part part_of(const TickState& state, const JointRecord& measured, std::size_t jo
              const TickConfig& config) {
   const JointMask bit = bit_of_joint(joint);
   if ((state.mode.deenergised & bit) != 0) return Part::deenergised;
-  // Right after a suspend nobody knows where a joint is: no gravity by a pose of before.
+  // Right after a suspend a joint's position is unknown: no gravity by a pose of before.
   if ((state.mode.damped & bit) != 0 || !state.joints[joint].observer.sampled_at.is_set()) return Part::damped;
   const JointLimits& limits = config.joints[joint].limits;
   const bool beyond = measured.q_estimate < limits.q_min - limits.q_hard_margin ||

@@ -53,7 +53,7 @@ struct TickInput {
   // Which of the policy's and the candidate's mailboxes is whose changes with in_charge of the tick before
   // (candidate.hpp). Empty where the robot has no fallback policy.
   PerSeat<PolicyMessage> messages;
-  std::uint64_t candidate_policy = 0;  // hash of the candidate's mailbox, whoever is in charge; 0: none yet
+  std::uint64_t candidate_policy = 0;  // hash of the candidate's mailbox, whichever policy is in charge; 0: none yet
   ImuSample imu;  // newest that was read, not judged yet; sequence 0: none yet, or the robot has none
   BusHealth buses[kMaxBuses];
   JointFeedback joints[kMaxJoints];
@@ -104,7 +104,7 @@ std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, 
 std::size_t save(const TickState& state, std::span<std::byte> out) noexcept;
 std::expected<void, std::string> load(TickState& state, const TickConfig& config, std::span<const std::byte> bytes);
 
-// Whoever asks what another configuration would have decided goes on from a loaded state: `config` may remember more
+// To ask what another configuration would have decided, go on from a loaded state: `config` may remember more
 // observations than the state was made for (a larger max_age), nothing else that has a size may differ.
 void remember_more(TickState& state, const TickConfig& config) noexcept;
 

@@ -101,7 +101,7 @@ void end_stretch(JointWatch& watch) {
   watch.stretch = watch.stretch_moved = watch.stretch_told = 0.0F;
 }
 
-// Positions against the drive's own velocities. A velocity that is no number says the worst that is possible.
+// Positions against the drive's own velocities. A velocity of NaN says the worst that is possible.
 void compare(JointWatch& watch, const JointFeedback& reply, const JointLimits& limits) {
   const float dt = seconds_of(reply.received_at - watch.believed_at);
   const float moved = reply.q - watch.q;

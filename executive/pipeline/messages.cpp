@@ -9,7 +9,7 @@
 namespace takt::pipeline {
 namespace {
 
-// Only what the robot follows is joined with what comes: a path that nobody plays leads nowhere.
+// Only what the robot follows is joined with what comes: a path that is not played leads nowhere.
 bool plays(const TickState& state, Seat seat, MonoTime now, const TickConfig& config) {
   return state.mode.player == player_of(seat) && is_usable(freshness_of(state.seats[seat], now, config.freshness));
 }
@@ -110,7 +110,7 @@ Arrival take_message(TickState& state, const PolicyMessage& message, MonoTime no
   return verdict.arrival;
 }
 
-// Nothing is promised while it plays, so that nothing of its waits. Its refusals are told, and stop nobody: it is not
+// Nothing is promised while it plays, so that nothing of its waits. Its refusals are told, and stop nothing: it is not
 // fresh then.
 void judge_fallback(TickState& state, const TickInput& input, const TickConfig& config, SeatRecord& record) {
   SeatState& fallback = state.seats[Seat::fallback];

@@ -130,12 +130,12 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
     // Above every fault, our own bugs included: a person who wants no power gets none.
     {Cause::operator_deenergise, 110,  {S, S, S, S, S, S}, kOff,  "one tick",
       "request, one tick; granted always"},
-    // The drives still hear us, so the robot comes to rest while it has torque; then nobody arms it.
+    // The drives still hear us, so the robot comes to rest while it has torque; then arming is refused.
     {Cause::torque_output_lost,   56,  {S, P, P, P, P, F}, kRest, "one tick",
       "the output does as it is told; then takt reset"},
     {Cause::tilt,                 54,  {S, P, P, P, P, F}, kRest, "one tick",
       "the base is upright and still within imu.tilt and imu.angular_velocity; then takt reset"},
-    // What is commanded next would be decided by an attitude that nobody knows.
+    // What is commanded next would be decided by an unknown attitude.
     {Cause::imu_lost,             53,  {S, P, P, P, P, F}, kRest, "the IMU sensor's timeout, one tick",
       "a usable sample; then takt reset"},
     {Cause::fallback_spent,       51,  {S, A, T, P, P, F}, kRest, "fallbacks.NAME.for or freshness.clamped_share of the window, one tick",
@@ -147,7 +147,7 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
       "every drive is 5 degrees cooler than its limit; then takt reset"},
     {Cause::degraded_spent,       49,  {S, A, T, P, P, F}, kRest, "degraded.for, one tick",
       "the mode is left; then takt reset"},
-    // Nobody knows where such a joint is: as if it were silent.
+    // Such a joint's position is unknown: as if it were silent.
     {Cause::feedback_implausible, 82,  {S, F, F, F, F, F}, kLoss, "feedback.frozen_after or three replies, one tick",
       "every joint's feedback was plausible for 0.5 s; then takt reset"},
     // A warning, unless the robot file wants the robot degraded by it.
@@ -205,7 +205,7 @@ constexpr Cause worst_stop(Cause present, CauseMask active) {
 
 // By whose manner a damped stop goes on: a worse cause takes over from the one that began it. `by_policy`: causes that
 // leave the robot to its fallback policy. Any other cause ends that, however mild it is, and none of them begins it in
-// a stop that goes on: who was let go is not moved again.
+// a stop that goes on: a released joint stays released.
 constexpr Cause stopped_by(Cause present, CauseMask active, CauseMask by_policy = 0) {
   if ((by_policy & bit(present)) == 0) return worst_stop(present, active & ~by_policy);
   const Cause other = worst_stop(Cause::none, active & ~by_policy);

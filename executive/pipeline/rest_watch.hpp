@@ -47,7 +47,7 @@ class RestWatch {
     return true;
   }
 
-  MonoTime still_since_;  // unset: a joint moves, or nobody looked
+  MonoTime still_since_;  // unset: a joint moves, or none was watched
   MonoTime anchored_at_;
   float anchor_[kMaxJoints] = {};  // rad, where each joint was at anchored_at_
 };

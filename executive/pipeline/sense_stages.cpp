@@ -21,7 +21,7 @@ namespace takt::pipeline {
 namespace {
 
 // While degraded the fallback goes first. Where it has nothing to say, and the policy is back, but not for long enough
-// yet, the policy is better than nobody.
+// yet, the policy is better than none.
 // A stop by the fallback policy goes on moving a robot that its policies moved, all of it, and that nothing lets go.
 bool stops_by_policy(const TickState& state, const TickRecordHeader& header, const TickConfig& config) {
   const bool begins = header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded;
@@ -342,7 +342,7 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
 
   header.mode = header.previous_mode = state.mode.mode;
   Transition transition = decide_now(state, config, record);
-  // The robot's own policy is back in charge before the mode is decided: what the candidate lacks is no reason then.
+  // Back to the configured policy before the mode is decided: what the candidate lacks is no reason then.
   if (transition.to != header.previous_mode && roll_back(state, config, header))
     transition = decide_now(state, config, record);
   header.cause = transition.cause;

@@ -45,7 +45,7 @@ struct JointState {
   MonoTime behind_since;  // the joint is further from its reference than following_error; unset: it is not
 };
 
-// A loop that stood still for longer knows nothing of its joints any more, whoever is to blame.
+// A loop that stood still for longer knows nothing of its joints any more, whatever the reason.
 inline constexpr Duration kLongestExcuse{500'000'000};
 
 struct ModeState {
@@ -68,7 +68,7 @@ struct ModeState {
   std::uint8_t resting = 0;           // latched modes: 1 once at rest; from then on what may hold its position does
   std::uint8_t drives_enabled = 0;    // 1 once every drive reported enabled in this arming
   Player player = Player::none;       // in the newest tick
-  Player last_player = Player::none;  // the newest one since arming, whoever plays now
+  Player last_player = Player::none;  // the newest one since arming, whichever plays now
   Cause stop_cause = Cause::none;     // in a damped stop: by whose manner
   std::uint8_t reserved[2] = {};
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The thread the loop runs on: its own small locked stack, signals blocked, prepared before it is let go.
+// The thread the loop runs on: its own small locked stack, signals blocked, prepared before its first tick.
 //
 // start() returns once the thread has prepared itself; the caller looks at the results, then calls go(), or lets the
 // object end without it: the thread then ends without a tick. The destructor finishes the loop and joins. Thread rule:

@@ -56,7 +56,7 @@ void CyclicLoop::run(const EvidenceSource& evidence, std::uint64_t ticks) noexce
 
     const std::size_t frames = tick(woken, woken - due);
 
-    // After the bus write: what follows delays nobody.
+    // After the bus write: what follows delays no command.
     const Duration work = parts_.clock.now() - woken;
     const Evidence after = evidence.read();
     ended = parts_.clock.now();
@@ -167,7 +167,7 @@ void CyclicLoop::publish_status() noexcept {
 void CyclicLoop::say_farewell(Pace& pace) noexcept {
   output_ = {};
   output_.record.header.tick = input_.tick;
-  // Nobody's turn is waited for: as in a change of mode, every drive is written to.
+  // No turn is waited for: as in a change of mode, every drive is written to.
   output_.record.header.previous_mode = Mode::damped_stop;
   for (int i = 0; i < kFarewellTicks; ++i) {
     wakeup_.wait_until(pace.due());

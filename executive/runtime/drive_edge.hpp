@@ -10,7 +10,7 @@
 //
 // Looks again before sending: the clock is read before each joint's frames. A setpoint that is too late by then
 // (TickOutput::send_by) stays here, and the drive gets the tick's damping in its place. Once the computer was suspended
-// since the tick began, nothing of that tick leaves any more: how old it is, nobody knows. Thread rule: control thread,
+// since the tick began, nothing of that tick leaves any more: its age is unknown. Thread rule: control thread,
 // after construction. No allocation or lock; system calls: the buses' send and receive, and the torque output's.
 //
 // The output that permits torque, where the robot has one, is told before the tick's first frame, in every tick: power

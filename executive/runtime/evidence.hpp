@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the kernel knows about the control thread: read once per tick, after the bus write, so that a missed period can
-// be blamed on somebody (overrun.hpp). Cumulative since the thread began; the attribution works on differences.
+// be attributed to its cause (overrun.hpp). Cumulative since the thread began; the attribution works on differences.
 //
 // Sources: /proc/thread-self/schedstat (time spent runnable but not running; needs CONFIG_SCHED_INFO, on in Debian),
 // getrusage(RUSAGE_THREAD), CLOCK_THREAD_CPUTIME_ID. Together 2..3 us when paced at 1 kHz.
@@ -17,7 +17,7 @@ namespace takt::runtime {
 
 struct Evidence {
   Duration cpu;        // executed; without time stolen by a hypervisor where the guest kernel is told about it
-  Duration run_delay;  // runnable, but somebody else had the core
+  Duration run_delay;  // runnable, but another task had the core
   std::int64_t voluntary_switches = 0;
   std::int64_t minor_faults = 0;
   std::int64_t major_faults = 0;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Builds the edge to the drives a robot file describes: one driver per joint, one open bus per entry. Set-up only.
-// Before anything is sent it makes sure that nobody else commands the drives: the interfaces are claimed, and for
+// Before anything is sent it makes sure that no other host commands the drives: the interfaces are claimed, and for
 // kListenFor nothing may be heard on the ids that are ours to send on. Last of all notes of `takt joint home` in the
 // runtime directory are taken, and hold for these drivers alone (drivers/protocol/home_note.hpp).
 #pragma once

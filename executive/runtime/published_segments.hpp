@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the executive publishes: the observation mailbox for the policy and the four record rings for the monitor.
-// Sealed against other writers and pre-faulted at construction; publishing waits for nobody and knows no reader.
+// Sealed against other writers and pre-faulted at construction; publishing never waits and knows no reader.
 //
 // Thread rules: the publishing functions belong to the control thread (no allocation, lock or system call); descriptors
 // and readers are for the service thread.

@@ -2,8 +2,8 @@
 // Which interfaces hold a setpoint of ours that must not leave any more: a bus that is dead for a while (no node
 // acknowledges, an adapter stands still) keeps what was handed to it, and lets it out when it comes back.
 //
-// A frame is overdue once it has waited for kNormalWait and its command's contract ends within kLead: whoever purges
-// (drivers/bus/transmit_queue.hpp) needs a moment. Setpoints without a command, damping and frames that de-energise,
+// A frame is overdue once it has waited for kNormalWait and its command's contract ends within kLead: the purge
+// (drivers/bus/transmit_queue.hpp) takes a moment. Setpoints without a command, damping and frames that de-energise,
 // may wait for as long as they want. Pure; bounded by the ticks it remembers. Thread rule: one thread at a time.
 #pragma once
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What makes the control thread punctual, step by step, each with a result that names what to mend.
+// What makes the control thread punctual, step by step, each with a result that names what to correct.
 //
 // Essential steps: locked memory, SCHED_FIFO, affinity. Without them the executive refuses to
 // start unless told --allow-non-realtime, and then its status and every artifact say so. The other steps improve
@@ -19,7 +19,7 @@ struct SetupStep {
   std::string name;  // stable: appears in executive.json and in the run's manifest
   bool ok = false;
   bool essential = false;
-  std::string detail;  // what was achieved; or why not, and how to mend it
+  std::string detail;  // what was achieved; or why not, and how to correct it
 };
 
 struct ProcessSetup {

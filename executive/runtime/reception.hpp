@@ -7,7 +7,7 @@
 // sealed and handed to the control thread -> the connection ends -> the mailbox is taken back. The command in use lives
 // on until its own age ends it: a departure has no path of its own through the decision.
 //
-// The ring of its inputs goes out with it, and to whoever reads it; nobody maps it here. It waits for its session
+// The ring of its inputs goes out with it, and to its readers; it is not mapped here. It waits for its session
 // before the policy comes, so that a reader misses nothing. When the session ends its readers are sent away, who read
 // the rest and come back for the next. Thread rule: service thread. Allocates, logs, waits up to kRequestPatience
 // inside a request.
@@ -64,10 +64,10 @@ class Reception {
   Reception(const Reception&) = delete;
   Reception& operator=(const Reception&) = delete;
 
-  // Known once the control thread prepared itself; before that nobody can arm.
+  // Known once the control thread prepared itself; before that arming is refused.
   void set_realtime(bool realtime, bool allow_non_realtime);
   void begin_shutdown() { shutting_down_ = true; }
-  // Handles whoever is there, waiting at most `timeout` for somebody.
+  // Handles the clients that are there, waiting at most `timeout` for one.
   void serve(std::chrono::milliseconds timeout);
   // As RendezvousServer's.
   [[nodiscard]] bool has_name() const { return server_->has_name(); }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far the run has reached the recorder's medium, as the monitor last said; 0: nobody records. The tick judges it.
+// How far the run has reached the recorder's medium, as the monitor last said; 0: no recorder. The tick judges it.
 // Thread rules: set() service thread, get() control thread. Lock-free.
 #pragma once
 

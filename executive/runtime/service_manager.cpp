@@ -13,7 +13,7 @@ namespace takt::runtime {
 namespace {
 
 std::string_view environment(const char* name) {
-  // Nobody in this process changes the environment. NOLINTNEXTLINE(concurrency-mt-unsafe)
+  // This process never changes its environment. NOLINTNEXTLINE(concurrency-mt-unsafe)
   const char* const value = std::getenv(name);
   return value == nullptr ? std::string_view() : value;
 }

@@ -30,12 +30,12 @@ class ServiceManager {
 
  private:
   void ping(MonoTime now, std::uint64_t ticks);
-  // True when it was taken, or nobody listens.
+  // True when it was taken, or no manager listens.
   bool tell(const std::string& message) const;
 
   ipc::Descriptor socket_;
   sockaddr_un address_{};
-  socklen_t address_size_ = 0;  // 0: nobody listens
+  socklen_t address_size_ = 0;  // 0: no manager listens
   Duration watchdog_;           // 0: not asked for
   MonoTime pinged_at_;
   std::uint64_t pinged_ticks_ = 0;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The thread that hears a stop (ipc/stop_line.hpp) and sets its flag for the next tick. It does nothing else: no log,
-// no allocation, no lock, nobody it waits for; so a stop is served whatever the service thread, the log, the monitor,
+// no allocation, no lock, no wait; so a stop is served whatever the service thread, the log, the monitor,
 // the policy or the disk are doing.
 //
 // Thread rules: start() and the destructor belong to the service thread.

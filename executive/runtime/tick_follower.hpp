@@ -33,7 +33,7 @@ class TickFollower {
   // Stops and faults, and what waits on the buses, are followed with these from now on; they outlive the follower.
   void tell(IncidentWatch& incidents) { incidents_ = &incidents; }
   void tell(QueueWatch& queues) { queues_ = &queues; }
-  [[nodiscard]] const IncidentWatch* incidents() const { return incidents_; }  // null: told nobody
+  [[nodiscard]] const IncidentWatch* incidents() const { return incidents_; }  // null: told to none
   // Reads everything published so far.
   void catch_up();
   // All zero before the first tick.

@@ -9,7 +9,7 @@
 //   CSV  RPDO1 controlword 6040, mode 6060, target velocity 60FF i32         position 6064 i32,
 //   CST  RPDO1 controlword 6040, mode 6060, target torque 6071 i16           torque 6077 i16
 // Every mode reports position and torque; velocity (606C) would not fit beside them, and a second frame would cost the
-// bus its third drive: whoever needs velocity differentiates position.
+// bus its third drive: a part that needs velocity differentiates position.
 // Units on the wire: counts, counts/s, per mille of rated torque. Sources: CANopenNode/CANopenNode
 // 301/CO_NMT_Heartbeat.h, CO_SDOserver.h; ros-industrial/ros2_canopen canopen_402_driver state.cpp, command.cpp.
 #pragma once
@@ -71,7 +71,7 @@ struct SdoAnswer {
   // False: the drive did not say how many of the four bytes count (command 42), and the rest may be anything.
   bool is_sized = true;
 };
-// Nothing for segments, and for block transfers, which nobody asked for.
+// Nothing for segments, and for block transfers, which were not requested.
 std::optional<SdoAnswer> decode_sdo_answer(const CanFrame& frame) noexcept;
 
 // Of an object that did not fit: `toggle` alternates from one to the next, and is false of the first.

@@ -120,7 +120,7 @@ bool same_profile(std::uint32_t expected, std::uint32_t found) {
 bool has_bits(std::uint32_t expected, std::uint32_t found) {
   return (found & expected) == expected;
 }
-// Existence and 11-bit id; whether remote frames are answered is nobody's business.
+// Existence and 11-bit id; whether remote frames are answered does not matter.
 bool same_pdo(std::uint32_t expected, std::uint32_t found) {
   constexpr std::uint32_t kMeant = kOff | 0x1FFF'FFFF;
   return (found & kMeant) == (expected & kMeant);
@@ -188,7 +188,7 @@ constexpr Row kScript[] = {
     {Action::write, {0x1A00, 0}, 1, fixed<3>},
     {Action::write, {0x1800, 2}, 1, fixed<1>},  // sent at every SYNC
     {Action::write, {0x1800, 1}, 4, with_node<kNoRemote + kTpdo1Id>, same_pdo},
-    // What drives send by default and nobody reads.
+    // What drives send by default and no part reads.
     {Action::write_if_there, {0x1801, 1}, 4, with_node<kOff + kNoRemote + kTpdo2Id>, same_pdo},
     {Action::write_if_there, {0x1802, 1}, 4, with_node<kOff + kNoRemote + kTpdo3Id>, same_pdo},
     {Action::write_if_there, {0x1803, 1}, 4, with_node<kOff + kNoRemote + kTpdo4Id>, same_pdo},

@@ -79,7 +79,7 @@ class Setup {
  public:
   Setup(const SetupValues& values, const SetupPatience& patience) noexcept : values_(values), patience_(patience) {}
 
-  // Somebody else went through the script.
+  // Another host went through the script.
   void assume_done() noexcept { phase_ = Phase::done; }
   // From the beginning, such as after a boot message. Keeps fault().
   void restart() noexcept;

@@ -73,7 +73,7 @@ struct DriveTimeoutWish {
   bool waived = false;      // the robot file allows it to be off or unknown
 };
 
-// What must be true of who the drive is; nothing: anybody may be there.
+// What must be true of who the drive is; nothing: any drive may be there.
 struct DamiaoIdentity {
   std::optional<std::uint32_t> firmware, serial_number;
 };

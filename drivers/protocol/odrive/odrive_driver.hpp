@@ -40,7 +40,7 @@ inline constexpr Duration kOdriveHeartbeatTimeout = milliseconds(500);
 // JointFeedback::error_code; no drive sets every bit at once.
 inline constexpr std::uint32_t kOdriveNoHeartbeat = 0x7FFF'FFFF;
 
-// SettingDetail::setting of the firmware: message 00 is no number that it can have.
+// SettingDetail::setting of the firmware: message 00 has a value that is invalid for it.
 inline constexpr std::uint32_t kOdriveFirmware = 1;
 // Of a drive whose firmware is before 0.6: its heartbeat or its version says so. What it says else is read as nothing.
 inline constexpr std::uint32_t kOdriveOldFirmware = 2;

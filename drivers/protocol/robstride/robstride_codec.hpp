@@ -80,9 +80,9 @@ struct RobstrideFaultReport {
   std::uint32_t faults = 0, warnings = 0;  // 0: none
 };
 
-// active_report: feedback that nobody asked for; a drive sends it when a maker's tool told it to.
+// active_report: feedback that was not requested; a drive sends it when a maker's tool told it to.
 enum class RobstrideKind : std::uint8_t { identity, feedback, answer, fault_report, active_report };
-// What this drive says to us; nothing when it is somebody else's, a request, or of no kind a drive sends by itself or
+// What this drive says to us; nothing when it is another drive's, a request, or of no kind a drive sends by itself or
 // as an answer. The length is the decoders' business.
 std::optional<RobstrideKind> robstride_kind(RobstrideAddress address, const CanFrame& frame) noexcept;
 

@@ -127,7 +127,7 @@ void RobstrideSetup::take_mode(const RobstrideAnswer& answer) noexcept {
   if ((answer.value & 0xFFU) == kMotionMode) enter(wish_.has_volatile ? Stage::set_timeout : Stage::ask_stored);
 }
 
-// A failed answer is no number: what is not there is asked for elsewhere, or stays unknown.
+// A failed answer has no value: what is not there is asked for elsewhere, or stays unknown.
 void RobstrideSetup::take_timeout(const RobstrideAnswer& answer) noexcept {
   if (tries_ == 0) return;
   const bool about_volatile = static_cast<RobstrideParameter>(answer.index) == RobstrideParameter::can_timeout;

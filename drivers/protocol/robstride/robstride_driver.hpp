@@ -39,7 +39,7 @@ struct RobstrideDriveSettings {
   RobstrideAddress address;
   JointMapping mapping;
   RobstrideTimeoutWish timeout;
-  DriveWords identity{};           // that it must tell; nothing: anybody may be there
+  DriveWords identity{};           // that it must tell; nothing: any drive may be there
   bool begins_below_zero = false;  // 7029 must be 1: its joint may stand there, and is taken to be where it reads
 };
 // By the robot file.
