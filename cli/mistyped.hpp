@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What somebody probably meant who typed a command or option that does not exist.
+// The command or option that an unknown one was probably meant to be.
 #pragma once
 
 #include <CLI/CLI.hpp>

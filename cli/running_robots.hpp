@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The robots that run on this machine, as far as their sockets tell: the systemd units' in /run/takt, and those of this
-// user, one folder each in config::runtime_home(). A folder whose socket nobody serves is stale and passed over.
+// user, one folder each in config::runtime_home(). A folder whose socket no process serves is stale and passed over.
 // Thread rule: one thread. Asking may take half a second for each executive that does not answer.
 #pragma once
 
@@ -32,12 +32,12 @@ std::vector<RunningRobot> running_robots(const RobotPlaces& places);
 // per robot when there are several.
 std::expected<RunningRobot, Refusal> the_running_robot(const RobotPlaces& places, const std::string& name);
 
-// Makes the user's own folder, for nobody else to write to; the error says why it must not be used.
+// Makes the user's own folder, which no other user may write to; the error says why it must not be used.
 std::expected<void, std::string> make_runtime_home(const std::string& home);
 
 // So that `takt top` finds the robot file by itself; the units leave .robot/robot.yaml there.
 void remember_robot_file(const std::string& runtime_directory, const std::string& robot_file);
-// Empty: nobody left one.
+// Empty: none was left.
 std::string remembered_robot_file(const std::string& runtime_directory);
 
 }  // namespace takt::cli

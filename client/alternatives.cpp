@@ -48,7 +48,7 @@ void Alternatives::keep(const CommandChunk& chunk, MonoTime sensed_at, const tak
   if (place.has_dq) std::copy_n(assumption.dq, joints_, place.dq.begin());
 }
 
-// A distance that is no number matches nothing.
+// A distance of NaN matches nothing.
 float Alternatives::distance(const Kept& one, const Observation& observation) const {
   float distance = 0.0F;
   const auto further = [&distance](float difference) {

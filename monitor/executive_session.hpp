@@ -24,7 +24,7 @@ namespace takt::monitor {
 class ExecutiveSession {
  public:
   // As `Role::monitor`, of which there is one, or as `Role::viewer`, of which there may be several; `program`
-  // introduces the reader. The error is one sentence: nobody listens, the role is taken, versions differ.
+  // introduces the reader. The error is one sentence: no process listens, the role is taken, versions differ.
   static std::expected<ExecutiveSession, std::string> attach(Role role, std::string_view program,
                                                              const std::string& runtime_directory,
                                                              const config::RobotConfig& robot,

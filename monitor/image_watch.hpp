@@ -5,7 +5,7 @@
 // sensor's, not the policy's word; that the policy was shown them remains its claim.
 //
 // Two threads of its own: one reads and hashes and waits for no disk, one writes. Memory is bounded: 64 MiB of images
-// of each sensor that nobody asked for yet, and as much waiting for the disk. An image that is asked for and not there,
+// of each sensor not asked for yet, and as much waiting for the disk. An image that is asked for and not there,
 // because it was overwritten before it was read, or was never published, is told as `unseen`.
 // Thread rule: shown(), hand_on() and finish() from one thread; none of them waits but finish(), which ends the
 // threads.

@@ -15,7 +15,7 @@ namespace {
 constexpr std::chrono::milliseconds kAttachTimeout{100};
 constexpr Duration kRetry = milliseconds(500);
 
-constexpr std::int64_t kAnswersPerObservation = 2;  // one, and nobody's clock makes a loss of an honest answer
+constexpr std::int64_t kAnswersPerObservation = 2;  // one, and no clock makes a loss of an honest answer
 
 // Of answers, as many as a policy of this robot can give.
 TokenBucket bucket_of(const config::RobotConfig& robot, std::size_t largest_input) {

@@ -3,7 +3,7 @@
 // one session of the host after the other. The executive hands the ring out and closes the connection when the session
 // ends; what is left in the ring is read then, and the next session's is asked for. Beyond a ring's worth at once, two
 // answers per observation are kept: no policy of ours says more, and a host must not decide what else fits on the disk.
-// Where nobody records inputs this
+// Where inputs are not recorded this
 // does nothing. Thread rule: one thread; drain() may wait for the executive's greeting, at most twice a second.
 #pragma once
 

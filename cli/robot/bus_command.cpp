@@ -57,7 +57,7 @@ std::expected<int, Refusal> watch(const BusOptions& options) {
     return g_watch_interrupted != 0 || (options.seconds > 0 && (now - started).seconds() >= options.seconds);
   };
   watched.count(started);
-  // Held for as long as it may ask: nobody else does meanwhile.
+  // Held for as long as it may ask: no other process does meanwhile.
   std::expected<std::vector<drivers::InterfaceClaim>, Refusal> alone = std::unexpected(Refusal{});
   if (!options.listen) alone = require_alone(*robot);
   bool may_ask = alone.has_value(), asks = false;

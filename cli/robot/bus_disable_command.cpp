@@ -57,7 +57,7 @@ class Disabler {
   }
   // Why buses are not there.
   [[nodiscard]] const std::vector<std::string>& missing() const { return drives_.missing(); }
-  // It said so since we began; nobody enables it meanwhile.
+  // It said so since we began; no process enables it meanwhile.
   [[nodiscard]] bool disabled(std::size_t joint) const { return disabled_[joint]; }
   // Of those that are reached.
   [[nodiscard]] std::vector<std::size_t> not_disabled() const {

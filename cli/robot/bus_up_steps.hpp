@@ -44,7 +44,7 @@ struct UpTools {
 std::expected<std::vector<std::string>, Refusal> bring_up(const config::RobotConfig& robot, std::size_t bus,
                                                           const UpTools& tools);
 
-// One sentence, with what mends it. `said`: the output of `ip`.
+// One sentence, with what corrects it. `said`: the output of `ip`.
 std::string why_refused(const std::vector<std::string>& command, std::string_view said);
 
 std::string line_of(const std::vector<std::string>& command);

@@ -116,7 +116,7 @@ std::string BusWatch::table(MonoTime now) const {
                         joints_[joint].per_second, error_of(joint));
   }
   for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
-    // Commands are heard too where somebody drives the robot; they are not replies of a drive.
+    // Commands are heard too where a host drives the robot; they are not replies of a drive.
     text += fmt::format("{}: {} frames, {} of them no drive's word, {} lost on receive\n", robot_.buses[bus].name,
                         frames_[bus], strangers_[bus], buses_[bus]->health().rx_dropped);
   }

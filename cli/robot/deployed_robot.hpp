@@ -15,7 +15,7 @@ namespace takt::cli {
 
 struct DeployedRobot {
   std::string runtime_directory;
-  std::string restart;  // shell command that starts its processes anew; empty: nobody does
+  std::string restart;  // shell command that starts its processes anew; empty: none does
 };
 
 // What takt deploy and takt rollback are both told.
@@ -26,7 +26,7 @@ struct DeploymentOptions {
 };
 // `options` outlives the parsing.
 void add_deployment_options(CLI::App& command, DeploymentOptions& options);
-// After parsing: what restarts it when nobody said: systemd's target, where systemd runs; else, or with --no-restart,
+// After parsing: what restarts it by default: systemd's target, where systemd runs; else, or with --no-restart,
 // nothing.
 void settle_restart(DeploymentOptions& options);
 
@@ -55,7 +55,7 @@ struct Watched {
 Watched watch(const DeployedRobot& place, const config::RobotConfig& robot, const deploy::ProbationTimes& times,
               bool arm);
 
-// A damped stop, if it is armed; no error when nobody answers.
+// A damped stop, if it is armed; no error when no executive answers.
 void ask_to_stop(const DeployedRobot& robot);
 
 }  // namespace takt::cli

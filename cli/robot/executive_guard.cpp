@@ -18,7 +18,7 @@ constexpr auto kExecutiveAnswersWithin = std::chrono::milliseconds(500);
 
 using Answer = std::expected<OperatorReply, std::string>;
 
-// Nothing where nobody listens, or where we may not even look: that is somebody else's, whose buses are claimed.
+// Nothing where none listens, or where we may not even look: that is another user's, whose buses are claimed.
 std::optional<Answer> ask_status(const std::string& runtime_directory) {
   if (access(runtime_directory.c_str(), X_OK) != 0) return std::nullopt;
   const std::string socket = config::executive_socket(runtime_directory);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// takt gamepad: a person's wish as one of the robot's sensors, by sticks, while a dead-man button is held.
+// takt gamepad: operator input as one of the robot's sensors, by sticks, while a dead-man button is held.
 #include <fmt/format.h>
 
 #include <algorithm>

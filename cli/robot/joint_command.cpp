@@ -111,7 +111,7 @@ class Drives {
 
  private:
   std::vector<Drive> drives_;
-  std::vector<std::unique_ptr<drivers::CanBus>> buses_;  // null: nobody on it is talked to
+  std::vector<std::unique_ptr<drivers::CanBus>> buses_;  // null: no drive on it is asked
   std::array<drivers::ReceivedFrame, 64> received_;
   std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out_;
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// takt command: a person's wish (a velocity, say) as one of the robot's sensors, for as long as it is said.
+// takt command: operator input (a velocity, say) as one of the robot's sensors, for as long as it is said.
 #include <fmt/format.h>
 
 #include <algorithm>

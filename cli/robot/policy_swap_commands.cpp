@@ -161,7 +161,7 @@ bool is_attached(const StatusSnapshot& status, std::uint64_t policy_hash) {
   return status.policy_pids[Seat::candidate] != 0 && status.tick.candidate.policy_hash == policy_hash;
 }
 
-// Says once a second how far apart the two are, until somebody interrupts. The error: why it cannot go on.
+// Says once a second how far apart the two are, until it is interrupted. The error: why it cannot go on.
 std::expected<void, Refusal> watch(const LiveRobot& robot, ChildProcess& host, std::uint64_t policy_hash) {
   const auto give_up_at = std::chrono::steady_clock::now() + kHostAttachesWithin;
   Comparison comparison;
@@ -184,7 +184,7 @@ std::expected<void, Refusal> watch(const LiveRobot& robot, ChildProcess& host, s
   return {};
 }
 
-// Nobody takes the policy in charge away: the robot gets its own back first.
+// The policy in charge is never taken away: the robot gets its own back first.
 int end_shadow(const LiveRobot& robot, ChildProcess& host) {
   const auto reply = robot.ask(OperatorVerb::status);
   if (host.alive() && reply && reply->status.tick.candidate.in_charge != 0) {

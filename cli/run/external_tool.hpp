@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs somebody else's program to its end and keeps what it said. No shell in between: arguments need no quoting.
+// Runs a third-party program to its end and keeps what it said. No shell in between: arguments need no quoting.
 #pragma once
 
 #include <string>

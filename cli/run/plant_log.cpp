@@ -18,7 +18,7 @@ namespace {
 std::optional<std::int64_t> unix_ns_of(const std::string& line) {
   tm utc{};
   int milliseconds = 0, read = 0;
-  // NOLINTNEXTLINE(cert-err34-c): what is no number ends the reading.
+  // NOLINTNEXTLINE(cert-err34-c): an invalid number ends the reading.
   if (std::sscanf(line.c_str(), "%4d-%2d-%2dT%2d:%2d:%2d.%3dZ%n", &utc.tm_year, &utc.tm_mon, &utc.tm_mday, &utc.tm_hour,
                   &utc.tm_min, &utc.tm_sec, &milliseconds, &read) != 7 ||
       read == 0)

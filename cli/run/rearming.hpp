@@ -22,7 +22,7 @@ enum class OperatorStep : std::uint8_t {
 
 class Rearming {
  public:
-  // Empty: nobody ends a stop.
+  // Empty: a stop is not ended.
   explicit Rearming(std::optional<Duration> after) : after_(after) {}
 
   // What the person does who sees `mode` at `now`. The first arming is another's. `stopped_by_another`: an operator

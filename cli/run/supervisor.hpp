@@ -31,7 +31,7 @@ struct RunOptions {
   std::vector<Event> events;  // in order of time
   bool arm = false;
   bool restart = false;
-  std::optional<Duration> rearm_after = {};    // from a stop or fault; empty: nobody ends them
+  std::optional<Duration> rearm_after = {};    // from a stop or fault; empty: they are not ended
   bool to_the_end = false;                     // for the whole duration, even if the robot rests after a scripted stop
   std::string plant_scenario = {};             // file that takt-plant plays; empty: none
   std::vector<std::string> plant_faults = {};  // that are in it: "elbow: silent for 200 ms"

@@ -30,7 +30,7 @@ struct Slice {
   Mode mode = Mode::standby;  // the gravest
   Duration age{};             // of the command in use, the largest; zero: there was none
   bool missed = false;        // a tick that relied on the policy had no fresh command
-  bool marked = false;        // somebody marked it
+  bool marked = false;        // the operator marked it
 };
 
 struct BusPicture {

@@ -17,7 +17,7 @@ enum class Glyphs : std::uint8_t { unicode, ascii };
 Style mode_style(Mode mode);
 
 // One letter per slice, the newest at the right: s standby, a arming, T tracking, D degraded, S damped stop, F fault,
-// `!` where somebody marked, blank where nothing is known.
+// `!` where the operator marked, blank where nothing is known.
 Line mode_band(std::span<const Slice> history, std::size_t columns);
 
 // `rows` lines, top first, one column per slice, the newest at the right. With one row its last level means "past the

@@ -44,7 +44,7 @@ void release_signals() {
   on_signal(SIGWINCH, SIG_DFL);
 }
 
-// False: nobody reads any more.
+// False: the reader is gone.
 bool write_all(std::string_view text) {
   while (!text.empty()) {
     const ssize_t written = ::write(STDOUT_FILENO, text.data(), text.size());

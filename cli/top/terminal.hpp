@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The terminal while `takt top` has it: keys one by one and unechoed, the alternate screen, no cursor. The destructor
 // gives it back as it was; so do SIGINT, SIGTERM, SIGHUP and SIGQUIT, after which ended() holds, and SIGTSTP, which
-// suspends and comes back. After SIGKILL nobody can: `reset` mends the terminal then.
+// suspends and comes back. After SIGKILL nothing does: `reset` restores the terminal then.
 //
 // ANSI sequences by hand instead of a library: eight of them, which every terminal since the VT220 and tmux understand,
 // serve a screen that is rendered as plain lines anyway; ncurses would want to own signals, input and exits.

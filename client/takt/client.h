@@ -8,7 +8,7 @@
  *   -> takt_policy_detach -> takt_policy_close
  *
  * A sensor of the robot file (its `sensors`: float32 values, or images of 8 bits) publishes samples into shared memory,
- * written in place, each stamped with the instant at which it was sensed. Who reads it is nobody's business here:
+ * written in place, each stamped with the instant at which it was sensed. Who reads it does not matter here:
  * policies, the executive, none or several.
  *
  *   takt_sensor_open -> { takt_sensor_values, fill -> takt_sensor_publish }* -> takt_sensor_close
@@ -16,7 +16,7 @@
  * Shapes, units: joints are those of the robot file in its order; q rad, dq rad/s, tau Nm, kp Nm/rad, kd Nms/rad;
  * float32; stamps in ns of CLOCK_MONOTONIC.
  *
- * Errors: a return code below, and one line of text: what is wrong, how to mend it. No function ends the process,
+ * Errors: a return code below, and one line of text: what is wrong, how to correct it. No function ends the process,
  * prints or throws.
  *
  * Thread rule: a policy or a sensor belongs to the thread that opened it. Several are independent of one another.
@@ -194,13 +194,13 @@ typedef struct takt_alternatives {
 
 typedef struct takt_policy takt_policy;
 
-/* Reads the robot file and compares it with the spec; talks to nobody. On success *policy is to be closed; otherwise it
+/* Reads the robot file and compares it with the spec; sends nothing. On success *policy is to be closed; otherwise it
  * is NULL and `why` (why_bytes of room, zero-terminated, cut off where it does not fit) has the sentence. Also sets the
  * calling thread's niceness to the robot file's policy.nice, where that is granted. Returns OK, USAGE, BAD_CONFIG, BUG.
  */
 int takt_policy_open(const takt_policy_spec* spec, takt_policy** policy, char* why, uint32_t why_bytes);
 
-/* Takes the executive's one policy lease, waiting at most about `timeout_ns` for somebody to listen. Returns OK, also
+/* Takes the executive's one policy lease, waiting at most about `timeout_ns` for an executive. Returns OK, also
  * when attached already, NOTHING, REFUSED, BUG. */
 int takt_policy_attach(takt_policy* policy, int64_t timeout_ns);
 

@@ -22,7 +22,7 @@ inline constexpr Duration kStatusPeriod = milliseconds(100);
 
 class Condenser {
  public:
-  // Ticks before `since` are history, such as the rings hold it when the monitor attaches: nobody is told of them.
+  // Ticks before `since` are history, such as the rings hold it when the monitor attaches: they are not told.
   // Precondition: robot.dds. `robot` and `out` outlive the condenser.
   Condenser(const config::RobotConfig& robot, std::int64_t monotonic_to_unix_ns, MonoTime since, Outbox& out);
   void tick(const TickRecord& record);

@@ -81,7 +81,7 @@ void Exporter::discard(const Outbox::Batch& batch) {
   outbox_.count_unsent(Channel::command_age, batch.command_ages.size());
 }
 
-// Status first: it is what somebody may wait for. The latest is written again when a request was answered meanwhile.
+// Status first: a subscriber may wait for it. The latest is written again when a request was answered meanwhile.
 void Exporter::write_to(Participant& participant) {
   std::thread listener;
   if (robot_.dds->allow_requests) listener = std::thread([&] { answer_requests(participant); });

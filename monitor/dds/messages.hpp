@@ -38,7 +38,7 @@ struct CommandAge {
   AgeParts age{};
 };
 
-// What somebody in the domain asks for.
+// What a participant of the domain asks for.
 struct Request {
   std::string robot{};
   std::string machine{};  // empty: any that runs a robot of this name
@@ -49,7 +49,7 @@ struct Request {
 
 struct RequestAnswer {
   std::uint64_t id = 0;
-  std::string verb{};  // empty: nobody asked yet
+  std::string verb{};  // empty: no request yet
   bool done = false;
   std::string sentences{};
 };

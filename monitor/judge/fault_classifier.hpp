@@ -93,7 +93,7 @@ struct FaultVerdict {
   std::uint64_t first_tick = 0, last_tick = 0;  // with trouble
   MonoTime at;
   std::string sentence;  // begins with the fault's name
-  // late: nothing but late wake-ups; missed: commands missed or refused, or degraded; stopped: nobody wished it to.
+  // late: nothing but late wake-ups; missed: commands missed or refused, or degraded; stopped: without a request.
   Gravity gravity = Gravity::missed;
   Duration lateness{};             // the latest wake-up
   std::uint64_t missed_ticks = 0;  // that relied on the policy and had no usable command

@@ -91,7 +91,7 @@ bool slept_through_the_feedback(const Case& c) {
   return evidence.worst_lateness >= c.rules.period && awake <= c.baseline.feedback_age + c.rules.period * 2;
 }
 
-// Nobody was there: no other rule can say anything of it.
+// The computer slept: no other rule can say anything of it.
 Judged suspended(const Case& c) {
   if (c.evidence.slept_ms == 0) return {};
   return c.verdict(Fault::platform_stall,

@@ -132,7 +132,7 @@ inline constexpr std::size_t kListedIncidents = 1000;
 
 void note(RunMetrics& metrics, Incident incident);
 void note(RunMetrics& metrics, const ChunkMonitors& monitors);
-// The gravest comes first: what nobody asked for, faults before stops; among equals the oldest.
+// The gravest comes first: what was not requested, faults before stops; among equals the oldest.
 std::vector<Incident> by_gravity(std::vector<Incident> incidents);
 
 std::expected<RunMetrics, std::string> metrics_of(const RecordedRun& run);

@@ -3,7 +3,7 @@
 //
 // Of every recorded answer of the policy in charge (policy_input): the newest sample of each sensor that it was shown,
 // at the instant of the observation answered. The stamps of samples are claims of the sensors' processes. A command
-// that nobody gave, and its when_absent instead, is no sample. Thread rule: one thread at a time.
+// that is absent, and its when_absent instead, is no sample. Thread rule: one thread at a time.
 #pragma once
 
 #include <cstdint>

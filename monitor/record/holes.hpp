@@ -14,7 +14,7 @@
 
 namespace takt::monitor {
 
-// `entry`: of the regular file at `path`. 64 MiB are anybody's; beyond, the medium holds a part. A file system that
+// `entry`: of the regular file at `path`. 64 MiB may be holes; beyond, the medium holds a part. A file system that
 // compresses makes that smaller, and one that counts no blocks is asked for data.
 inline bool is_mostly_holes(const std::string& path, const struct stat& entry) {
   constexpr std::uint64_t kUnpaid = 64U << 20U, kLargestRatio = 64, kBlock = 512;

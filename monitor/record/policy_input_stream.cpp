@@ -19,7 +19,7 @@ void PolicyInputStream::report(std::string_view reason, std::uint64_t count, con
 void PolicyInputStream::drain(const RecordSink& sink, TokenBucket& bucket) {
   if (!reader_) {
     auto reader = ipc::SlotReader::attach(memory_, shape_);
-    if (!reader) return;  // nobody formatted it yet
+    if (!reader) return;  // it is not formatted yet
     reader_ = *reader;
   }
   read(sink, bucket);

@@ -2,7 +2,7 @@
 // What one policy's host says of its network's inputs, read from its ring into a RecordSink. The ring belongs to one
 // session of the host, who formats it when it comes: until then there is nothing in it.
 //
-// The writer is untrusted and waits for nobody: what it overwrote before it was read, what is no policy input, and what
+// The writer is untrusted and never waits: what it overwrote before it was read, what is no policy input, and what
 // is more than a policy can have answered (`bucket`), is reported as a loss of the ring `policy_input`,
 // `fallback_input` or `candidate_input`. Reads shared memory only. Thread rule: one thread.
 #pragma once

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Something that is to happen at a rate, by the clock of whoever asks. Keeps the pace, and skips what was missed. Pure.
+// Something that is to happen at a rate, by the caller's clock. Keeps the pace, and skips what was missed. Pure.
 #pragma once
 
 #include "executive/contract/mono_time.hpp"

@@ -42,7 +42,7 @@ struct RunManifest {
   nlohmann::ordered_json executive;  // executive.json as found; null when absent
   nlohmann::ordered_json host;       // host_facts()
   nlohmann::ordered_json doctor;     // what `takt doctor --keep` said of this machine; null: nothing was kept
-  nlohmann::ordered_json drives;     // drives.json: what the drives said of themselves; null: nobody kept it
+  nlohmann::ordered_json drives;     // drives.json: what the drives said of themselves; null: it was not kept
   ClockOffset clock;
   MonoTime started_at, ended_at;  // ended_at unset while recording
   std::string ended_because;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How much of what somebody else decides may be recorded: so many at once, and one more per period from then on. Full
+// How much of what another process decides may be recorded: so many at once, and one more per period from then on. Full
 // at first; the first refill starts its clock, and a clock that runs backwards gives nothing. Pure.
 #pragma once
 

@@ -5,7 +5,7 @@
 // One trace per command: root `command` with children sense, queue, infer, publish, consume, actuate, each under the
 // resource of the process that spent the time, and a link from the root to the span of the observation it answers,
 // which is a trace of its own. A refused command is a trace of one span whose status is an error and says why. Stops
-// and faults are log records: an error unless somebody asked for it. Ids come from run and numbers, so that the same
+// and faults are log records: an error unless it was requested. Ids come from run and numbers, so that the same
 // records give the same bytes.
 #pragma once
 

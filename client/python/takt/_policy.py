@@ -444,7 +444,7 @@ class Robot:
             self._before[number] = signal.signal(number, self._stop)
 
     def _stop(self, number: int, _frame: object) -> None:
-        # A second one does what it did before: whoever hangs in a step can still be ended.
+        # A second one does what it did before: a policy that hangs in a step can still be ended.
         signal.signal(number, self._before[number] or signal.SIG_DFL)
         self._stopped = True
 

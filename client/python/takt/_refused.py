@@ -6,7 +6,7 @@ from typing import Optional, Type
 
 
 class Refused(Exception):
-    """One sentence: what is wrong, where, how to mend it. Uncaught, it ends the program with that line alone and `exit_code`:
+    """One sentence: what is wrong, where, how to correct it. Uncaught, it ends the program with that line alone and `exit_code`:
     65 the robot file, or what the policy says it is; 69 the executive answered, and refused; 64 a call that cannot be meant;
     70 a fault of the library.
     """

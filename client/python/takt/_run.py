@@ -150,7 +150,7 @@ class Run:
         those that a policy was shown (what its process claims), and those of the base's IMU that the executive read (one per tick at most). `s`: when it was
         sensed, seconds since the first tick; `sensor`: its name in the robot file (None: there is no such one); `sequence`, `sensed_at`, `published_at`
         (<NA> where only ticks had it); `values`: float32, (values,), of the IMU rotation w x y z, angular velocity, specific force; `unit`: the robot
-        file's word; `image`: the SHA-256 for image(), where it is one, whose values are empty, else "". What stands in for a command that nobody gives is
+        file's word; `image`: the SHA-256 for image(), where it is one, whose values are empty, else "". What stands in for a command that is absent is
         no sample. A sensor in one array: np.stack(run.sensors.query("sensor == 'target'")["values"]).
         """
         return _samples.table(_pandas(), self.folder / "config.yaml", self.tick_array, self.policy_inputs)

@@ -16,7 +16,7 @@
 `infer` returns within the deadline: an array of that shape, all finite, or None, with the reason in the log "takt". Without an
 answer nothing is published, the reason is told, and the executive's freshness contract does what the robot file says; the age of what is published counts
 from the observation, by this machine's clock alone. Neither protocol says which question an answer belongs to: after a missed deadline,
-and after any message that nobody asked for, the connection is given up and made anew, so that a late answer is nobody's. An answer that came
+and after any message that was not requested, the connection is given up and made anew, so that a late answer is dropped. An answer that came
 before is no answer, and one that took the server longer than it was waited for is another question's.
 
 Needs Debian's python3-msgpack, and python3-websockets (OpenPi; 10.4, Debian 12's, or later) or python3-zmq (Groot). An object belongs to the thread that made it.
@@ -237,7 +237,7 @@ class OpenPi(_Server):
 
     `shape`: (steps, joints) of what infer() returns; an answer may have more steps, they are cut. `actions`: the reply's key, or
     keys, joined along the joints. `deadline`: "300 ms"; from infer() to its return. `api_key`: sent as the server wants it.
-    `ca_file`: of whoever signed a wss:// server's certificate, PEM; only that is believed then, else what the system believes.
+    `ca_file`: of the signer of a wss:// server's certificate, PEM; only that is believed then, else what the system believes.
 
     An answer that says how long it took (`server_timing`, as those of openpi's own server do) is known when it comes a second time, and
     passed over; and it is not taken for a question that was asked later than it was begun. A server that answers twice, quickly and anew,
@@ -334,7 +334,7 @@ class OpenPi(_Server):
             self._give_up(socket, f"closed the connection: {why}")
         finally:
             if self._pending.done() and not self._pending.cancelled():
-                self._pending.exception()  # nobody has heard it where sending failed as well
+                self._pending.exception()  # it was not read yet where sending failed as well
             self._pending = None
 
     async def _exchange(self, socket: Any, question: bytes, echo: Any) -> Any:
@@ -468,7 +468,7 @@ class Groot(_Server):
             self._admit()
             reply = self._exchange(socket, question, until)
         except self._zmq.Again:
-            self._drop()  # a late answer finds nobody
+            self._drop()  # a late answer finds no reader
             raise _NoAnswer(f"did not answer within {self.deadline_s * 1e3:g} ms") from None
         except self._zmq.ZMQError as error:
             self._drop()
@@ -494,7 +494,7 @@ class Groot(_Server):
         socket.setsockopt(self._zmq.LINGER, 0)
         socket.setsockopt(self._zmq.IMMEDIATE, 1)  # no question waits for a server that is not there
         socket.setsockopt(self._zmq.MAXMSGSIZE, _LARGEST_MESSAGE)
-        socket.setsockopt(self._zmq.RCVHWM, _MOST_REPEATS)  # what nobody asked for waits at its sender
+        socket.setsockopt(self._zmq.RCVHWM, _MOST_REPEATS)  # what was not requested waits at its sender
         socket.setsockopt(self._zmq.REQ_CORRELATE, 1)  # a number in the envelope, which every REP socket returns: no other's answer is taken
         self._lost = socket.get_monitor_socket(self._zmq.EVENT_DISCONNECTED)
         socket.connect(self.url)

@@ -311,7 +311,7 @@ class _Simulation:
                 self._say(state, sequence, time_ns)
             except (_Gone, ConnectionError):
                 raise
-            except Exception as error:  # Takt is told; whoever wrote the world sees where it was
+            except Exception as error:  # Takt is told; the world's author sees where it was
                 self._say(State(0.0, 0.0, outcome=UNABLE, reason=f"{type(error).__name__}: {error}"), sequence, time_ns)
                 raise
 
