@@ -4,7 +4,7 @@
 // Inputs: of joints, the joints by name and in order; of the base, the frame and the quaternion's order; of a sensor,
 // the unit and the frame that the exporter's kind or name fixes; SI units as they are. Outputs: each goes somewhere,
 // for the joints it is for; chunks and periods agree. What the exporter leaves open the robot file decides. Errors: one
-// line, what contradicts what and how to mend it.
+// line, what contradicts what and how to correct it.
 #pragma once
 
 #include <expected>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which values of a policy's inputs come from which term of the robot file, with unit, frame and order: for every
-// network, whoever exported it. "obs 3..8: joint_velocity of 6 joints, rad/s, times 0.1".
+// network, whatever exported it. "obs 3..8: joint_velocity of 6 joints, rad/s, times 0.1".
 #pragma once
 
 #include <cstddef>

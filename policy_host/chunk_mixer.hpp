@@ -35,7 +35,7 @@ bool mixes_answers(config::JoinKind kind);
 
 class ChunkMixer {
  public:
-  // Precondition: robot.policy. `owner`: whose chunks observations speak of; nobody's are mixed always.
+  // Precondition: robot.policy. `owner`: whose chunks observations speak of; without an owner they are mixed always.
   explicit ChunkMixer(const config::RobotConfig& robot, PathOwner owner = PathOwner::policy);
 
   // Whatever was published before says nothing any more: a new session, or a past that is worthless.

@@ -22,7 +22,7 @@ struct ExporterMetadata {
   std::vector<std::string> action_joints;                    // of each output; empty: not said
   std::vector<std::string> observation_names;                // as the author of the training called them
   std::vector<double> history_lengths;                       // one per observation, or empty
-  bool rounded = false;                                      // no number has more than three decimals
+  bool rounded = false;                                      // all numbers have at most three decimals
 };
 
 // No joint_names: not such an exporter's, everything is empty.

@@ -23,7 +23,7 @@
 namespace takt::policy_host {
 
 // Makes the engine ready for this robot, whose `policy` section is there and consistent; never null. The error is one
-// line: what is wrong, how to mend it; the program then says so and ends with 65. Called once, before anything is
+// line: what is wrong, how to correct it; the program then says so and ends with 65. Called once, before anything is
 // attached, or policy.requests_in_flight times; it may take as long as it needs, and keep no reference to the robot.
 using LoadPolicy = std::function<std::expected<std::unique_ptr<Policy>, std::string>(const config::RobotConfig& robot)>;
 

@@ -3,7 +3,7 @@
 // have of its own (gains, pose) is said.
 //
 // mjlab prints three decimals, so that a comparison with rounded metadata bears half of the last one. Errors: one line,
-// what contradicts what and how to mend it. Thread rule: set-up only.
+// what contradicts what and how to correct it. Thread rule: set-up only.
 #pragma once
 
 #include <expected>

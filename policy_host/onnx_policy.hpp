@@ -3,7 +3,7 @@
 // policy_tensors.hpp and, for a robot's own policy, assemble_policy.hpp.
 //
 // A recurrent network that is exported without its state is refused: it would run, and be wrong from the second
-// observation on. The error is one line: file, what is wrong, how to mend it.
+// observation on. The error is one line: file, what is wrong, how to correct it.
 // Thread rule: load at set-up.
 #pragma once
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// When to look into the observation mailbox again. The executive wakes nobody, so the host sleeps until the next
+// When to look into the observation mailbox again. The executive wakes no process, so the host sleeps until the next
 // observation must be there and then looks at short intervals, rarely once it is long overdue. Never a busy wait.
 // Pure. Source of the margin: a tick publishes at its end, tens of microseconds after its stamp.
 #pragma once

@@ -68,7 +68,7 @@ ipc::Admission PolicySeat::admit(const ipc::Peer& peer) {
   offered_ = std::move(*segment);
   ipc::Admission admission{{}, {observations_.fd(), offered_->fd()}, options_.lockstep};
   if (largest_input_ != 0) {
-    // A host that records its inputs expects a ring for them. Nobody reads it: there is no recorder here.
+    // A host that records its inputs expects a ring for them. It is not read: there is no recorder here.
     auto inputs =
         ipc::Segment::create("takt-policy-input", ipc::ring_bytes(ipc::policy_input_ring(largest_input_)), false);
     if (!inputs) return {inputs.error(), {}};

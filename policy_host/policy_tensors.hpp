@@ -48,7 +48,7 @@ std::string name_of_next_state(std::string_view input);
 
 // `input`: names of the tensors that carry the observation, separated by commas; "": all inputs that nothing else
 // feeds. `output`: names of the one that carries the actions and of what else an answer has, likewise; "": the first
-// that feeds no state. `file` stands in the error, one line: what is wrong, how to mend it.
+// that feeds no state. `file` stands in the error, one line: what is wrong, how to correct it.
 std::expected<PolicyTensors, std::string> assign_tensors(const ModelTensors& model, const std::string& file,
                                                          const std::string& input, const std::string& output);
 

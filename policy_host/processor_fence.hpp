@@ -28,7 +28,7 @@ std::expected<Fence, std::string> keep_off_processor(std::optional<int> cpu);
 std::expected<void, std::string> check_fence(std::optional<int> cpu, Fence fence);
 
 enum class PoolSize { as_told, unless_set };
-// What OpenMP and linear algebra libraries start their pools by: environment variables. unless_set: one that somebody
+// What OpenMP and linear algebra libraries start their pools by: environment variables. unless_set: one that the user
 // set stays as it is.
 void limit_thread_pools(unsigned threads, PoolSize size);
 

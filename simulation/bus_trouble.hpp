@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // What strangers do to one bus, and how it loses frames. Pure, virtual time; same seed, same losses.
 //
-// A babbler sends as many empty frames as the bus's bit rate carries, on an id nobody listens to. A rival is a second
+// A babbler sends as many empty frames as the bus's bit rate carries, on an id without a listener. A rival is a second
 // host with a driver of its own: it enables the drive and commands position zero without stiffness, once per step.
-// There is no arbitration: whoever speaks is heard beside the others. Thread rule: one thread at a time.
+// There is no arbitration: every sender is heard beside the others. Thread rule: one thread at a time.
 #pragma once
 
 #include <cstdint>

@@ -67,7 +67,7 @@ class Device {
     if (faults != feedback_) since_.reset();
     feedback_ = faults;
   }
-  // A frame that crossed the drive's bus, whoever it was for; answers are appended to `out`.
+  // A frame that crossed the drive's bus, whichever drive it was for; answers are appended to `out`.
   virtual void receive(const drivers::CanFrame& frame, MonoTime now, Frames& out) = 0;
   // Torque for the next step, from the encoder as read now. Runs watchdog, boot and temperature; what the drive says by
   // itself (heartbeats, cyclic reports) is appended to `out`.

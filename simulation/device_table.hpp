@@ -9,7 +9,7 @@
 
 namespace takt::plant {
 
-// `watchdog`: without a command for this long an enabled drive is lost. Null: nobody plays this protocol.
+// `watchdog`: without a command for this long an enabled drive is lost. Null: no device plays this protocol.
 std::unique_ptr<Device> make_device(const config::Drive& drive, Duration watchdog);
 
 }  // namespace takt::plant

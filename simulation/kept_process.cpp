@@ -63,7 +63,7 @@ bool has_ended(pid_t shell, int& status) {
   const pid_t shell = ::fork();
   if (shell < 0) ::_exit(1);
   if (shell == 0) run_shell(command, before, signals);
-  ::setpgid(shell, shell);   // whoever of the two comes first
+  ::setpgid(shell, shell);   // whichever process comes first
   ::close_range(3, ~0U, 0);  // our connections end with us, and not with this copy of them
   int status = 0;
   for (int signal = 0; signal != SIGTERM && !has_ended(shell, status);) signal = ::sigwaitinfo(&signals, nullptr);

@@ -131,7 +131,7 @@ class Engine final : public MujocoMechanics {
 
   std::optional<ImuReading> imu() override {
     if (imu_site_ < 0) return std::nullopt;
-    // Whoever looks changes nothing: mj_kinematics makes the base's quaternion anew, of length 1.
+    // A reading changes nothing: mj_kinematics makes the base's quaternion anew, of length 1.
     std::copy_n(data_->qpos, model_->nq, seen_from_.begin());
     mj_kinematics(model_.get(), data_.get());
     mj_comPos(model_.get(), data_.get());
@@ -191,7 +191,7 @@ class Engine final : public MujocoMechanics {
             fmt::format("MuJoCo: the simulation diverged ({} at degree of freedom {}): shorten "
                         "simulation.step, or look for masses without inertia",
                         mju_warningText(bad, 0), data_->warning[bad].lastinfo));
-    // Beyond its sizes MuJoCo leaves contacts and constraints out, and whoever stands on them falls.
+    // Beyond its sizes MuJoCo leaves contacts and constraints out, and a robot that stands on them falls.
     for (const auto& [full, size] : {std::pair{mjWARN_CONTACTFULL, "nconmax"}, std::pair{mjWARN_CNSTRFULL, "njmax"}})
       if (data_->warning[full].number > 0)
         throw std::runtime_error(

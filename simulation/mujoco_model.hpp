@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A model file in MuJoCo's memory, mended for version 2.2.2 where needed. It is read in a child of ours with bounds on
+// A model file in MuJoCo's memory, adapted to version 2.2.2 where needed. It is read in a child of ours with bounds on
 // memory and time (bounded_child.hpp), where it is stepped once too. Errors: one sentence, MuJoCo's own with the file's
 // line. MuJoCo's errors later on are std::runtime_error; its warnings are in mjData alone.
 #pragma once

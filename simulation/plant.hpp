@@ -3,9 +3,9 @@
 //
 // Each step: encoders are read (quantised), every drive computes its torque from the newest command it has, the torque
 // reaches the joint `simulation.torque_delay` later, the dynamics advance by `simulation.step`.
-// A passive joint moves freely, whatever its drive wants; while the drive is disabled, somebody holds it where it is. A
+// A passive joint moves freely, whatever its drive wants; while the drive is disabled, a hand holds it where it is. A
 // robot with a base of its own hangs on a hoist until all drives are enabled; from then on it stands or falls by
-// itself, whatever becomes of its drives, until all of them have been disabled for kTakenUpAfter: then somebody has
+// itself, whatever becomes of its drives, until all of them have been disabled for kTakenUpAfter: then a hoist has
 // hung it where it began. Starts at the home pose, at rest, drives disabled and braked. Same inputs, same bits out.
 // Units: joint side, rad, rad/s, Nm; of a slide m, m/s, N. Thread rule: one thread at a time.
 #pragma once
@@ -33,7 +33,7 @@ Friction friction_of(const config::Simulation& simulation, const config::Joint& 
 
 class Plant {
  public:
-  // Of `robot`: buses, joints and simulation. The error is one sentence: no simulation, a drive nobody plays.
+  // Of `robot`: buses, joints and simulation. The error is one sentence: no simulation, a drive that no device plays.
   static std::expected<Plant, std::string> make(const config::RobotConfig& robot, std::unique_ptr<Dynamics> dynamics);
   // Every drive on a flywheel of its joint's `inertia`.
   static std::expected<Plant, std::string> on_free_inertias(const config::RobotConfig& robot);

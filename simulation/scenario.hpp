@@ -6,7 +6,7 @@
 //     - { at: 2 s, joint: elbow, fault: silent, for: 200 ms }
 //     - { after: enabled, at: 1 s, joint: elbow, error: over_temperature }
 //
-// Every key: docs/plant-scenarios.md. Errors: one line per problem, "file:line:column: what; how to mend".
+// Every key: docs/plant-scenarios.md. Errors: one line per problem, "file:line:column: what; how to correct it".
 #pragma once
 
 #include <cstdint>
@@ -34,7 +34,7 @@ namespace takt::plant {
 // error_passive     bus     every controller is error passive
 // bus_off           bus     every controller is off the bus
 // down              bus     the bus is gone, for good
-// babble            bus     a stranger fills the bus with frames nobody listens to
+// babble            bus     a stranger fills the bus with frames that no node listens to
 // frozen_position   joint   the position it says stays; the rest is true
 // reversed          joint   the position it says goes the other way; the rest is true
 // wrap              joint   the position it says is a turn off

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::uint64_t kSensorPathStream = 201;  // and one more for each sensor
 
-// Empty names are nobody's.
+// An empty name is no sensor's.
 std::optional<std::size_t> sensor_called(const config::RobotConfig& robot, const std::string& name) {
   const auto found = std::ranges::find(robot.sensors, name, &config::Sensor::name);
   if (found == robot.sensors.end()) return std::nullopt;

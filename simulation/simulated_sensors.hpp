@@ -33,7 +33,7 @@ class SimulatedSensors {
                                                            std::optional<uid_t> policy_user, MonoTime started,
                                                            RobotPlant& body, OutsideMechanics* world);
 
-  // The scenario's event that strikes a sensor which nobody plays here, in one line. Empty: none.
+  // The scenario's event that strikes a sensor which is not played here, in one line. Empty: none.
   [[nodiscard]] std::string unplayed(const Scenario& scenario, const std::string& file) const;
   // What is sensed at `now`, and what has arrived by then.
   void look(RobotPlant& body, const ScenarioPlayer& scenario, MonoTime now);

@@ -25,7 +25,7 @@
 namespace takt::plant {
 
 enum class WorldEndKind : std::uint8_t {
-  absent,     // nobody listened, in all the time there was
+  absent,     // no world listened, in all the time there was
   refused,    // it does not play this robot
   hung,       // no answer in time
   died,       // the connection closed
@@ -38,7 +38,7 @@ std::string_view name(WorldEndKind kind);
 
 struct WorldEnd {
   WorldEndKind kind = WorldEndKind::absent;
-  std::string sentence;  // which world, what, and where there is a way, how to mend it
+  std::string sentence;  // which world, what, and where there is a way, how to correct it
 };
 
 // A sensor of images that a world may play.

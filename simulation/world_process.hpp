@@ -28,7 +28,7 @@ class WorldProcess {
  public:
   struct Patience {
     Duration start = seconds(120);  // of a command's process, until it listens: a simulator loads
-    // Nobody waits in real time: a world may take as long for a step as a picture takes to render.
+    // No process waits in real time: a world may take as long for a step as a picture takes to render.
     WorldLink::Patience link{seconds(10), seconds(10)};
   };
 

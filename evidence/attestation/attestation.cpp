@@ -78,7 +78,7 @@ Json without_hash(const Attestation& a) {
           {"conditions", std::move(conditions)}};
 }
 
-// One trial to a line, for whoever reads or compares them.
+// One trial to a line, for readers and comparisons.
 std::string written(const Json& json) {
   std::string text = "{\n";
   for (const auto& [key, value] : json.items()) {
@@ -171,7 +171,7 @@ std::string other_sources(const Attestation& a) {
                      source_sha256().substr(0, kShort), a.panel);
 }
 
-// What came after the stop's own time, nobody saw.
+// What came after the stop's own time was not observed.
 std::string end_not_seen(const Attestation& a, const config::RobotConfig& robot) {
   const auto stop = std::ranges::find(robot.stops, std::string_view(a.of).substr(std::min(kStops.size(), a.of.size())),
                                       &config::StopConfig::name);

@@ -73,7 +73,7 @@ class Replayer {
       ready_ = false;
     }
     if (number < from_) return;
-    // A mended bit leaves a tick that reproduces, but not the one in the file.
+    // A corrected bit leaves a tick that reproduces, but not the one in the file.
     if (altered_tick_ == number || !ready_) {
       ++report_.mismatches;
     } else {

@@ -20,7 +20,7 @@ namespace takt::panel {
 
 class Operator {
  public:
-  // Empty: nobody ends a stop.
+  // Empty: a stop is not ended.
   explicit Operator(std::optional<Duration> rearm_after) : rearm_after_(rearm_after) {}
 
   // The request for the tick that follows `latest`. Call once per tick, in order.

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // world: what the user's own process wants of the robot (docs/world-protocol.md). That process plays mechanics, IMU,
 // sensors of images and at most one of numbers, and judges: by the task's error, by saying that the task is done or
-// beyond help, or both. Without such a process, for a robot that nobody has a task for: it follows its policy, and
-// nobody judges how. Error: the world's; 0 where there is none. Constraints: no joint outside its position limits.
+// beyond help, or both. Without such a process, for a robot that has no task: it follows its policy, and
+// how is not judged. Error: the world's; 0 where there is none. Constraints: no joint outside its position limits.
 #pragma once
 
 #include <expected>

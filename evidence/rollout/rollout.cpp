@@ -53,7 +53,7 @@ std::size_t index_of(const config::RobotConfig& robot, const std::string& sensor
                                   robot.sensors.begin());
 }
 
-// Sensors of images that the policy sees and nobody plays. Empty: none.
+// Sensors of images that the policy sees and no process plays. Empty: none.
 std::string blindness(const config::RobotConfig& robot, const plant::OutsideMechanics* outside) {
   for (const std::size_t sensor : policy_host::sensors_in_use(robot)) {
     if (!robot.sensors[sensor].image || (outside != nullptr && outside->films(sensor))) continue;

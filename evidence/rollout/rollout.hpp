@@ -6,7 +6,7 @@
 // the host side of every drive's protocol, observation, inference and chunk building. What is modelled: when things
 // happen (virtual_policy.hpp, virtual_bus.hpp, the wake-up's lateness), the drives' other side, the mechanics. What is
 // absent: shared memory, sockets, the kernel. A rollout starts disabled at home and arms as soon as nothing blocks it;
-// whether anybody ends a stop, the setup says (operator.hpp). Thread rule: one thread.
+// whether a stop is ended, the setup says (operator.hpp). Thread rule: one thread.
 #pragma once
 
 #include <array>
@@ -34,7 +34,7 @@ namespace takt::panel {
 enum class Task : std::uint8_t { arm_tracking, cart_pole_balance, base_velocity, world };
 inline constexpr std::array<std::string_view, 4> kTaskNames{"arm_tracking", "cart_pole_balance", "base_velocity",
                                                             "world"};
-// What a robot's simulation is made for; `world`: nobody says.
+// What a robot's simulation is made for; `world`: not declared.
 Task task_of(const config::RobotConfig& robot);
 using WorldProcess = plant::WorldProcess;
 // The same in a world of another process, which is asked; null: there is none. That world's own task where it judges
@@ -55,7 +55,7 @@ struct RolloutSetup {
   Duration duration;
   Duration scored;                                           // last part of the duration, judged
   double bound_m = 0;                                        // rms error of the scored part
-  std::optional<Duration> rearm_after = {};                  // from a stop or fault; empty: nobody re-arms
+  std::optional<Duration> rearm_after = {};                  // from a stop or fault; empty: no re-arming
   BaseVelocityTask base_velocity = {};                       // of that task only
   std::function<void(const CommandChunk&)> on_command = {};  // before the tick that reads it
   std::function<void(const TickRecord&)> on_tick = {};

@@ -18,7 +18,7 @@
 
 namespace takt::panel {
 
-// What counts as done: the root mean square of the error over the last part of the rollout, and no stop that nobody
+// What counts as done: the root mean square of the error over the last part of the rollout, and no stop that was not
 // ended. A stop that the operator ended is no failure by itself; it stays counted as a safety event.
 struct Score {
   MonoTime settled;             // violations of the task's constraints count from here on

@@ -67,7 +67,7 @@ struct Artifact {
 // finished artifact with a file that is not the one sealed, whose rows, contracts or seed plan are no longer those it
 // was named after, or that has other rows than it plans.
 std::expected<Artifact, std::string> open_artifact(const std::string& path);
-// The same, and refuses one that is not finished: for whoever decides by it.
+// The same, and refuses one that is not finished: for decisions by it.
 std::expected<Artifact, std::string> open_finished_artifact(const std::string& path);
 
 // "smoke-3f9a2c41d07b": panel, and the first digits of the SHA-256 over panel hash, timing, seed plan, the methods'

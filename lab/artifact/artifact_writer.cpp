@@ -52,7 +52,7 @@ std::expected<void, std::string> cut_torn_row(const std::string& path) {
   return {};
 }
 
-// Held until it is closed; who holds it stands in it. The file stays: whoever removed it could be two.
+// Held until it is closed; who holds it stands in it. The file stays: without it two could hold it.
 std::expected<Descriptor, std::string> lock_folder(const ArtifactFolder& folder) {
   const int fd = ::open(folder.lock().c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644);
   if (fd < 0) return std::unexpected(fmt::format("cannot open {}: {}", folder.lock(), errno_text()));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an artifact's files were when the program wrote them. A seal without a key shows an edit to whoever keeps the
+// What an artifact's files were when the program wrote them. A seal without a key shows an edit to a keeper of the
 // artifact id, and to no forger: what the rows say is proved by computing some of them anew (takt audit --recompute).
 //
 //   rollouts.sha256   a line per row: SHA-256 over the line before and the row, in hexadecimal

@@ -4,7 +4,7 @@
 // The file is a DSSE envelope (github.com/secure-systems-lab/dsse, version 1) around an in-toto Statement v1 with the
 // predicate test-result v0.1, so that the tools of both read it. Subjects: seal.json, which names every other file, and
 // each of an artifact's post-mortems that was there. A signature proves who signed, to whom has the public key from the
-// signer: anybody can sign an edited artifact with a key of their own.
+// signer: any user can sign an edited artifact with a key of their own.
 //
 // seal.tsr beside it says since when (time_stamp.hpp).
 //

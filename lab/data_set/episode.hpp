@@ -39,7 +39,7 @@ struct Episode {
 
 struct RunEpisodes {
   std::string run_id, config_sha256;
-  std::string policy_sha256;  // of the run's own policy: whoever took its place is known by Episode::policy alone
+  std::string policy_sha256;  // of the run's own policy: the one in its place is known by Episode::policy alone
   Robot robot;
   std::uint64_t observations = 0;  // published in the run, in an episode or not
   std::uint64_t unreadable = 0;    // damaged chunks and messages, and a cut-off end

@@ -2,7 +2,7 @@
 // The same-artifact rule, enforced: two methods are compared row by row, and only where the rows were computed by one
 // script on one panel, one seed plan, one plant and one row schema.
 //
-// Rows are pairs when task, perturbation, dose and seed agree. Differences are B - A. What has no number on either side
+// Rows are pairs when task, perturbation, dose and seed agree. Differences are B - A. What has no value on either side
 // (recovery_s of a rollout that never recovered) is left out of that metric and counted. Miss rates of methods with
 // different freshness contracts are not compared, because a miss is not the same thing then; a note says so.
 #pragma once

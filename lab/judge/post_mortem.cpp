@@ -33,7 +33,7 @@ std::string trimmed(std::string_view text) {
 }
 
 int severity(const TickRecordHeader& header) {
-  // The stop that ends every recorded run is nobody's failure.
+  // The stop that ends every recorded run is no failure.
   if (header.mode == header.previous_mode || header.cause == Cause::shutdown) return 0;
   switch (header.mode) {
     case Mode::standby:

@@ -75,7 +75,7 @@ enum class PostMortemState : std::uint8_t {
   completed,
 };
 PostMortemState post_mortem_state(const Artifact& artifact, const RolloutRow& row);
-// Who completed it; empty: nobody yet.
+// Who completed it; empty: it is not completed.
 std::string completed_by(std::string_view post_mortem);
 
 std::size_t words_in(std::string_view text);

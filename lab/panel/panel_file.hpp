@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A panel: which tasks, under which perturbations, by which methods, with which seeds. Read from a YAML file as
-// strictly as a robot file (config/document.hpp): every problem in one line "file:line:column: what; how to mend". How
+// strictly as a robot file (config/document.hpp): each problem is one "file:line:column: what; how to correct it". How
 // to write one: docs/panels.md.
 #pragma once
 

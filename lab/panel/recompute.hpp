@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rows of an artifact, computed anew from its panel file: who edited a row, or what computed it, does not get the same
-// bytes. Which rows, the caller draws, so that nobody knew them when the artifact was made.
+// bytes. Which rows, the caller draws, so that they were unknown when the artifact was made.
 //
 // Real-time rows are measured anew: their processes ran once, and the kept run folder has to be as it was recorded, to
 // replay, and to give the same row. Errors are one sentence. Thread rule: call from a process of one

@@ -55,7 +55,7 @@ std::expected<RanRollout, std::string> ran_of(const std::string& row_line, const
   return RanRollout{std::move(*row), nlohmann::json::parse(post_mortem_line).get<std::string>()};
 }
 
-// In the child. Never returns. Ends when nobody reads what it writes.
+// In the child. Never returns. Ends when the reader of what it writes is gone.
 [[noreturn]] void work(Contest& contest, std::span<const PlannedRollout> rollouts, std::size_t first,
                        std::size_t stride, int out) {
   ::signal(SIGPIPE, SIG_IGN);

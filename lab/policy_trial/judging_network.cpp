@@ -37,7 +37,7 @@ class JudgingNetwork final : public Network {
   }
 
  private:
-  mutable onnx_runtime::Session session_;  // its tensors are where they are, whoever looks
+  mutable onnx_runtime::Session session_;  // its tensors are where they are, whatever reads them
   std::vector<TensorInfo> inputs_, outputs_;
 };
 

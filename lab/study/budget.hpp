@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The control-rate budget: which loop rates a chain of stages can serve, where the slack is, and how old the commands
-// then are. Pure arithmetic; what the stages take comes from whoever asks. Source: Figure 55.2A, whose times are
+// then are. Pure arithmetic; what the stages take comes from the caller. Source: Figure 55.2A, whose times are
 // figure_stages().
 //
 //   serial      one cycle after the other: a rate fits when the sum of all stages is within its period
@@ -26,7 +26,7 @@ struct StageTime {
   double typical_ms = 0;  // p50, >= 0
   double worst_ms = 0;    // p99, >= typical_ms; equal where only one figure is known
   std::string source;     // who says so
-  bool waits = false;     // delays the command but keeps nobody busy: limits the serial loop only
+  bool waits = false;     // delays the command but keeps no processor busy: limits the serial loop only
 };
 
 // Perception 30, inference 15, planning 5, actuation 1 ms.

@@ -49,7 +49,7 @@ HoldingLoop::HoldingLoop(const config::RobotConfig& robot, plant::Plant plant, P
       plant_at_(kStart) {
   // Whatever the contract says, the command here is always fresh.
   config_.freshness.max_age = seconds(10);
-  config_.degraded = pipeline::DegradedBehaviour::hold;  // nobody waits for a fallback policy
+  config_.degraded = pipeline::DegradedBehaviour::hold;  // there is no fallback policy
   state_ = pipeline::make_tick_state(config_);
   plant_.set_state({pose, Eigen::VectorXd::Zero(pose.size())});
   input_.last_duration = kTickWork;

@@ -22,7 +22,7 @@ struct MarginReport {
   [[nodiscard]] bool rings() const;
 };
 
-// Of a joint that rings: its margin, and what mends it. One sentence.
+// Of a joint that rings: its margin, and what corrects it. One sentence.
 std::string ringing_sentence(const JointMargins& joint);
 std::string margin_text(const MarginReport& report);
 nlohmann::ordered_json to_json(const MarginReport& report);

@@ -11,7 +11,7 @@ std::uint64_t config_of(const Timeline& timeline, std::int64_t pid) {
   return process == timeline.processes.end() ? 0 : process->second.config_hash;
 }
 
-// A host that never said its configuration may belong to anybody.
+// A host that never said its configuration may belong to any executive.
 bool may_serve(const Timeline& timeline, std::int64_t host, std::int64_t executive) {
   const std::uint64_t a = config_of(timeline, host);
   const std::uint64_t b = config_of(timeline, executive);

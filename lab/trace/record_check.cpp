@@ -78,7 +78,7 @@ class InUse {
 };
 
 bool is_derivable(const CommandChain* chain, const TracedTick& tick) {
-  // Without the answer's events nobody knows whether an outside sensor made the command older.
+  // Without the answer's events it is unknown whether an outside sensor made the command older.
   return chain != nullptr && chain->sensed.is_set() && chain->host_pid != 0 && tick.now.is_set();
 }
 

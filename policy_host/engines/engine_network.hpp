@@ -3,7 +3,7 @@
 //
 // Outputs without names (TorchScript's) get theirs by their order: the first is the actions, each further one feeds the
 // next of the inputs that are hidden state by their names. Plugins say nothing of what is inside: what is known of it
-// besides comes from whoever loads. Equal inputs give equal bits on one machine with one version of the library, and no
+// besides comes from the caller. Equal inputs give equal bits on one machine with one version of the library, and no
 // further. Errors: one line. Thread rule: load at set-up.
 #pragma once
 
@@ -18,7 +18,7 @@
 
 namespace takt::policy_host {
 
-// What somebody else read in a plugin's file.
+// What another reader found in a plugin's file.
 struct FileReading {
   std::vector<std::string>
       lost_states;   // Network::lost_states; a plugin that keeps state itself (keeps_state) has none

@@ -6,7 +6,7 @@
 // the programs in lib/takt/engines, or a path. `auto` goes by the file alone, so that it says the same on every
 // machine: TorchScript by its ending; ONNX by the built-in engine, but by ONNX Runtime what is beyond that (an
 // operator, an attribute, a type, a size) and what has so many products of matrices that ONNX Runtime is the quicker.
-// What is wrong with the file itself is refused whatever the engine. Errors: one line: what is wrong, how to mend it.
+// What is wrong with the file itself is refused whatever the engine. Errors: one line: what is wrong, its correction.
 // Thread rule: set-up.
 #pragma once
 

@@ -35,7 +35,7 @@ struct FlowContext {
   // played.
   [[nodiscard]] std::size_t kept() const { return promised == 0 ? 0 : std::min(promised + 1, known); }
 
-  // `values`: kCounts and the path's, as FlowMemory::show() writes them; they may come from a file that somebody else
+  // `values`: kCounts and the path's, as FlowMemory::show() writes them; they may come from a file that another program
   // wrote. promised <= known <= steps, whatever they say.
   static FlowContext read(std::span<const float> values, std::size_t steps);
 };

@@ -8,7 +8,7 @@
 // flow exist and have one shape; names are names (config/exported_name.hpp). What the file leaves open, and what this
 // reader knows nothing of, is in `notes`.
 //
-// Errors: one line per problem, "file:line:column: what; how to mend". Thread rule: set-up only.
+// Errors: one line per problem, "file:line:column: what; how to correct it". Thread rule: set-up only.
 #pragma once
 
 #include <cstdint>

@@ -52,7 +52,7 @@ class Builder {
   std::int64_t opset() const { return opset_; }
   const Value* find(std::string_view name) const;
 
-  // New values. A name may be defined once; an output nobody asked for has an empty name and cannot be found.
+  // New values. A name may be defined once; an output that is not used has an empty name and cannot be found.
   Value& define_floats(const std::string& name, const Shape& shape, ElementType type = ElementType::float32);
   Value& define_integers(const std::string& name, const Shape& shape, std::vector<std::int64_t> integers);
   // The same elements in the same order under another name and shape.
@@ -60,7 +60,7 @@ class Builder {
 
   // Storage the program keeps, for scratch.
   float* allocate(std::size_t floats);
-  // What `fill` makes of zeros, here and now, and nobody writes afterwards: packed weights.
+  // What `fill` makes of zeros, here and now, and constant afterwards: packed weights.
   template <std::invocable<float*> Fill>
   const float* constant(std::size_t floats, Fill fill) {
     charge(floats * sizeof(float));
@@ -71,7 +71,7 @@ class Builder {
   // Counts index tables against the cap of a model.
   void charge(std::size_t bytes);
 
-  // What is defined in between belongs to a branch of the graph: nobody finds it afterwards, and its work is returned
+  // What is defined in between belongs to a branch of the graph: it is not found afterwards, and its work is returned
   // instead of being every run's. Branches may have branches.
   void begin_branch();
   std::vector<std::unique_ptr<Step>> end_branch();

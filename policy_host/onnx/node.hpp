@@ -34,7 +34,7 @@ class Node {
 
   std::size_t output_count() const;
   bool has_output(std::size_t i) const;
-  std::string output(std::size_t i = 0) const;  // "" when nobody asked for it
+  std::string output(std::size_t i = 0) const;  // "" when it is not used
 
   bool has_attribute(std::string_view name) const { return find_attribute(name) != nullptr; }
   std::int64_t integer(std::string_view name, std::int64_t otherwise) const;

@@ -151,7 +151,7 @@ class Library {
   void* environment = nullptr;
   void* options = nullptr;
   void* memory = nullptr;
-  void* allocator = nullptr;  // the library's own: nobody releases it
+  void* allocator = nullptr;  // the library's own: never released here
 
  private:
   std::string take_message(Status status) const {

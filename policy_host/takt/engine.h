@@ -13,7 +13,7 @@
  * Names tell what a tensor is (docs/policies.md): observation, actions, hidden state (<x>_in fed by <x>_out), time
  * step. What the actions mean, rad, rad/s or Nm, is the robot file's affair.
  *
- * Errors: one line, into `error`: what is wrong, how to mend it. No exception may leave a function. A plugin that
+ * Errors: one line, into `error`: what is wrong, how to correct it. No exception may leave a function. A plugin that
  * crashes, ends the process or takes longer than policy.engine.load_within while it is opened is refused by the host.
  *
  * Thread rule: takt_engine and open on the host's main thread; a network then belongs to one thread at a time, and
@@ -55,7 +55,7 @@ struct takt_engine_setup {
   const char* provider;        /* "cpu", "cuda", "tensorrt": refuse what you have not */
   const char* library;         /* policy.engine.library; "": the plugin's own choice */
   uint64_t observation_values; /* of one observation: the size of the input that carries it, if there is but one; 0:
-                                  nobody knows (`takt policy try`) */
+                                  unknown (`takt policy try`) */
   uint64_t action_values;      /* of one chunk: policy.steps times the outputs per step */
   const struct takt_engine_tensor* shapes; /* policy.engine.shapes: by name, without values */
   size_t shape_count;

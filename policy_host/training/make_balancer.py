@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Trains the policy of the robot on two wheels, which falls when nobody balances it, by gradients through the simulated mechanics.
+"""Trains the policy of the robot on two wheels, which falls without a balancing policy, by gradients through the simulated mechanics.
 
 A batch of robots, each with a latency, a body mass and a command of its own, is simulated; what it costs to be tilted, to be slower or
 faster than told and to hurry the motors is differentiated by the network's weights. Rollouts grow from half a second to four.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A serial port, or the terminal of a program that plays one: raw bytes, 8 data bits, no parity, one stop bit, no flow
-// control, nobody else's while it is open. Errors: one sentence. Thread rule: one thread.
+// control, opened exclusively. Errors: one sentence. Thread rule: one thread.
 #pragma once
 
 #include <csignal>

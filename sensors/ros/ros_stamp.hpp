@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // When a message of ROS 2 was sensed, by this machine's CLOCK_MONOTONIC. Pure.
 //
-// A stamp is Unix time by the clock of whoever wrote it: this machine's, which can be compared, or another's, of which
-// nobody here knows how it is set. Nobody says which. So a stamp may only make a sample older than its arrival: one
+// A stamp is Unix time by the writer's clock: this machine's, which can be compared, or another's, of which
+// the setting is unknown here. It does not say which. So a stamp may only make a sample older than its arrival: one
 // that is ahead of it counts as the arrival. What is then not in the age is what the network took, where the other
 // clock is ahead by more than that; a clock that is behind makes samples too old, which is safe. A message without a
 // stamp has DDS's own, of the instant of its writing.

@@ -3,11 +3,11 @@
 // times come in, a verdict comes out.
 //
 //   starting   until the executive answers and policies and monitor are attached, or `start_within` is over: failed
-//   waiting    in standby, until somebody arms it, or `arm_within` is over: unproven
+//   waiting    in standby, until the operator arms it, or `arm_within` is over: unproven
 //   proving    tracking; `watch` of it: passed. Degraded, a stop or a fault: failed. Who stopped it is not asked: an
 //              operator who stops a robot in its first seconds does not trust it.
 // An executive that goes away or begins to count its ticks anew has failed; so has a robot without its monitor: nothing
-// records it; and one without its fallback policy's host: nobody would take over.
+// records it; and one without its fallback policy's host: no policy would take over.
 #pragma once
 
 #include <cstdint>

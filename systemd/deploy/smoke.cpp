@@ -15,7 +15,7 @@
 namespace takt::deploy {
 namespace {
 
-// The last part of the rollout, which the row's measures are about; nobody judges the task's error here.
+// The last part of the rollout, which the row's measures are about; the task's error is not judged here.
 constexpr Duration kScored = seconds(1);
 constexpr double kAnyError_m = 1e9;
 

@@ -135,7 +135,7 @@ void read_platform(const std::string& root, Snapshot& into) {
   into.steal_share = total > 0 ? steal / total : 0;
 }
 
-// Where the interrupt goes; where it may go, as long as nobody has requested it or the kernel does not tell.
+// Where the interrupt goes; where it may go, as long as no driver has requested it or the kernel does not tell.
 std::vector<int> interrupted_cpus(const fs::path& interrupt) {
   const std::string effective = first_line(interrupt / "effective_affinity_list");
   return cpu_list(effective.empty() ? first_line(interrupt / "smp_affinity_list") : effective);

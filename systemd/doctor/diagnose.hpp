@@ -2,7 +2,7 @@
 // Judges a snapshot: what stands between this machine and a punctual control loop. Pure: no file, clock or process.
 //
 // fail: the executive would refuse to start, or its loop cannot be relied on; warn: it runs, later or less punctually
-// than it could, or as a simulation. Every finding that is not ok says how to mend it.
+// than it could, or as a simulation. Every finding that is not ok says how to correct it.
 #pragma once
 
 #include <cstdint>
@@ -43,7 +43,7 @@ std::vector<Finding> diagnose(const Snapshot& snapshot, const config::RobotConfi
 // The worst of them.
 Verdict worst(const std::vector<Finding>& findings);
 
-// One line per finding, what is to be mended below it; histogram of the wake-ups at the end.
+// One line per finding, what is to be corrected below it; histogram of the wake-ups at the end.
 std::string text_of(const std::vector<Finding>& findings, const Snapshot& snapshot);
 // One line: {"schema":"takt.doctor/1","verdict":...,"findings":[...],"wakeup":{...}}; wakeup.smis and .stolen_ms: null
 // where they could not be counted.

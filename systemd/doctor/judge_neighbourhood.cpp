@@ -28,7 +28,7 @@ Finding hardware_threads(const Case& of, int cpu) {
                   busy.front()));
 }
 
-// The kernel's own that nobody can lower: they run for microseconds, when processors come, go or are balanced.
+// The kernel's own that no user can lower: they run for microseconds, when processors come, go or are balanced.
 bool is_of_the_kernel(const RealTimeThread& thread) {
   constexpr std::string_view kOwn[] = {"migration/", "stop/", "idle_inject/", "watchdog/", "cpuhp/"};
   return std::ranges::any_of(kOwn, [&](std::string_view name) { return thread.name.starts_with(name); });

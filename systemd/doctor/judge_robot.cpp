@@ -36,7 +36,7 @@ std::string wrong_setting(const config::Bus& bus, const drivers::CanLink& can) {
   return can.controller_state == "BUS-OFF" ? "bus-off" : "";
 }
 
-// What the controller counted, where it says that the wiring or somebody's timing is not right.
+// What the controller counted, where it says that the wiring or a node's timing is not right.
 std::string troubled_past(const drivers::CanLink& can) {
   const std::uint32_t transmit = can.transmit_errors.value_or(0), receive = can.receive_errors.value_or(0);
   if (can.went_off == 0 && can.went_passive == 0 && std::max(transmit, receive) < kErrorWarning) return {};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `takt doctor` read on this machine, before anybody judges it. Plain data, so that tests can plant facts.
+// What `takt doctor` read on this machine, before it is judged. Plain data, so that tests can plant facts.
 // An absent optional or an empty text: the machine does not say.
 #pragma once
 
@@ -21,7 +21,7 @@ struct SleepState {
 struct Interrupt {
   int number = 0;
   std::string name;       // "xhci_hcd"; empty: unnamed
-  std::vector<int> cpus;  // where it goes, or may go as long as nobody requests it
+  std::vector<int> cpus;  // where it goes, or may go as long as no driver requests it
 };
 
 // Who may write a file: what stat() says, and access() for the doctor itself. Access control lists are not looked at.
@@ -36,7 +36,7 @@ struct Account {
   std::vector<std::uint32_t> groups;
 };
 
-// A thread of somebody else that the scheduler treats as real-time.
+// A thread of another process that the scheduler treats as real-time.
 struct RealTimeThread {
   std::string name;  // "irq/24-can0"
   int priority = 0;  // SCHED_FIFO or SCHED_RR, 1..99

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A world in Python that shows the robot something: a bright spot wanders before the demo arm's camera, and whoever looks is to turn after
+"""A world in Python that shows the robot something: a bright spot wanders before the demo arm's camera, and the arm is to turn after
 it, as docs/examples/python-sensor/look.onnx does. docs/sensors.md. Usage: spot.py SOCKET"""
 import math
 import random

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // report.html: page, script and charting library from the build (report_assets), data from the run. The file carries a
-// content security policy that forbids every request, so that opening it tells nobody and needs nobody.
+// content security policy that forbids every request, so that opening it sends nothing and needs nothing.
 #include "evidence/review/report/report_html.hpp"
 
 #include "evidence/review/report/packed_block.hpp"
@@ -113,7 +113,7 @@ std::string report_html(const ReportContent& content) {
   fill(page, "/*PAGE_JS*/", assets::page_js);
   fill(page, "/*MOMENTS*/", moments.base64);
   fill(page, "/*WHOLE*/", whole.base64);
-  fill(page, "/*FACTS*/", for_script(facts_of(content, whole.layout, moments.layout)));  // last: its text is anybody's
+  fill(page, "/*FACTS*/", for_script(facts_of(content, whole.layout, moments.layout)));  // last: its text is untrusted
   return page;
 }
 

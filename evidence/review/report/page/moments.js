@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A list of moments of the run: the classifier's verdicts, or what somebody marked. A row takes the page to its moment.
+// A list of moments of the run: the classifier's verdicts, or the operator's marks. A row takes the page to its moment.
 // Rows may stand in another order than that of time, and what is alike may share one row that opens; keys follow the time.
 takt.Moments = (function () {
   const kHalfWidth = 0.75;  // s in view on both sides of a moment

@@ -56,7 +56,7 @@ takt.tables = (function () {
     document.getElementById('incidents').append(box);
   }
 
-  // What stopped the robot, before what held: red when nobody asked for it.
+  // What stopped the robot, before what held: red when it was not requested.
   function incidents(metrics) {
     const shown = metrics.incidents.slice(0, 5);
     for (const incident of shown) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What every part of the page shares: the stretch of time in view, the cursor, whether it plays, and the times that
-// somebody marked. Times are seconds since the run's first tick. Listeners are called after every change.
+// the operator marked. Times are seconds since the run's first tick. Listeners are called after every change.
 takt.View = (function () {
   const kNarrowest = 0.004;  // s
   const clamp = (value, least, most) => Math.min(Math.max(value, least), most);
