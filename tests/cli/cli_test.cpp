@@ -451,7 +451,7 @@ TEST_F(Cli, OfARobotFileAnOperatorsRequestReadsTheName) {
   EXPECT_EQ(run("stop --robot " + in("none.yaml")).exit_code, 65);
 }
 
-// `takt run` puts its robot where the others look, as somebody would who never heard of runtime directories.
+// `takt run` puts its robot where the others look, as for a user who never heard of runtime directories.
 TEST_F(Cli, BareCommandsFindTheOneRobotThatRuns) {
   const std::string user = "XDG_RUNTIME_DIR=" + directory() + " ";
   const auto bare = [&](const std::string& words) { return shell(user + takt() + words); };
@@ -474,7 +474,7 @@ TEST_F(Cli, BareCommandsFindTheOneRobotThatRuns) {
   EXPECT_EQ(bare("status --robot config/cart_pole.yaml").exit_code, 69) << "another one runs";
 }
 
-// The first try of somebody without real-time rights (taken away here), who knows no option: the simulated robot runs,
+// The first try of a user without real-time rights (taken away here), who knows no option: the simulated robot runs,
 // is recorded in ./runs, and one warning says what is missing.
 TEST_F(Cli, AFirstTryWithoutOptionsRunsWithOneWarning) {
   const std::string robot = fs::absolute("config/arm6.yaml");
@@ -513,7 +513,7 @@ TEST_F(Cli, RunRefusesAPolicyThatItsHostWouldAndStartsNothing) {
 }
 
 // Goal: `takt run` passes on the code of a policy that ended by itself, and that the robot did without. Method: an
-// engine that ends its process with 64 after a second of inferences, beside a robot that nobody armed.
+// engine that ends its process with 64 after a second of inferences, beside a robot that was not armed.
 TEST_F(Cli, RunPassesOnTheCodeOfAPolicyThatEnded) {
   std::ifstream file(robot_);
   const std::string text{std::istreambuf_iterator<char>(file), {}};
@@ -714,7 +714,7 @@ TEST_F(Cli, ARunThatWasNotRecordedToItsEndFails) {
   fs::permissions(in("takt-monitor"), fs::perms::owner_all);
   const Ended ended = shell(in("takt ") + run_arguments("--arm --duration 3s"));
   EXPECT_EQ(ended.exit_code, 1) << ended.output;
-  // How far the run came by then depends on the machine: nobody may arm, arming ends in a stop, or the robot moved.
+  // How far the run came by then depends on the machine: arming is refused, arming ends in a stop, or the robot moved.
   bool is_said = false;
   for (const char* said : {"nothing is recorded: ", "stop at tick ", "recording stopped: "})
     is_said |= ended.output.find(said) != std::string::npos;

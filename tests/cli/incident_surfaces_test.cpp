@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Goal: every surface tells the same sentence about a stop, and tells it first. Method: a virtual robot whose elbow
 // grows too hot is recorded as takt-monitor does; what each surface would show is compared with the sentence that
-// IncidentWatch makes of the same ticks. The same for a policy that falls silent and for a stop that somebody asked
+// IncidentWatch makes of the same ticks. The same for a policy that falls silent and for a stop that the user asked
 // for.
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Goal: a command without --runtime-dir finds the one robot that runs, says where it looked when there is none, and
 // asks when there are several; folders that a robot left behind never count. Method: sockets in folders of the test's
-// own: one served, several, one whose server died, one below a folder of somebody else. That a real robot is found is
+// own: one served, several, one whose server died, one below a folder of another user. That a real robot is found is
 // in cli_test.
 #include "cli/running_robots.hpp"
 

@@ -92,7 +92,7 @@ class OpenRun(unittest.TestCase):
         self.assertEqual({values.dtype for values in found["input"]}, {np.dtype("<f4")})
 
     def test_sensors_are_every_sample_once(self):
-        """Names and units are those of the robot file, whose `sensors` the test writes; of the third one nobody spoke."""
+        """Names and units are those of the robot file, whose `sensors` the test writes; the third one sends nothing."""
         subprocess.run([MAKE_INPUTS, self.folder / "sensed"], cwd=SOURCE, check=True, stdout=subprocess.DEVNULL)
         told = json.loads((self.folder / "sensed/inputs.json").read_text())
         config = self.folder / "sensed/config.yaml"

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Goal: whoever checks a policy's types is helped by the package's hints, not hindered. Method: mypy, as strict as it gets, over the package, over the policy of
+"""Goal: a user who checks a policy's types is helped by the package's hints, not hindered. Method: mypy, as strict as it gets, over the package, over the policy of
 docs/python-policy.md with a typed network, and over a program that reads a run. Usage: python_hints_test.py SOURCE_DIR. Exit code 77: mypy is missing.
 """
 import os

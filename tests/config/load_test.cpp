@@ -370,7 +370,7 @@ TEST(Load, ARangeThatOneSourceAloneTellsMustBeWritten) {
   }
 }
 
-// Goal: nobody's drive is taken to know more of its place after power-on than is known of its kind. Method: the key
+// Goal: no drive is taken to know more of its place after power-on than is known of its kind. Method: the key
 // left out, and written, for each kind.
 TEST(Load, WhatAReadingIsWorthAfterPowerOnIsAsItsKindHasIt) {
   constexpr std::string_view kTmotor =
@@ -438,7 +438,7 @@ TEST(Load, NoJointIsCalledAsTheRobotsBase) {
       << robot.error();
 }
 
-// Goal: no number without a source, in the table and in the document. Method: docs/drives.md has a row for each.
+// Goal: each number has a source, in the table and in the document. Method: docs/drives.md has a row for each.
 TEST(Load, EveryPresetNamesItsSource) {
   const std::string page = read_file("docs/drives.md").value_or("");
   for (const DriveProtocol protocol : {DriveProtocol::mit, DriveProtocol::robstride}) {
@@ -727,7 +727,7 @@ TEST(Hash, WeightsBesideThePolicyAreItsPart) {
   std::filesystem::remove(file);
 }
 
-// Nobody writes into a FIFO, and a device never ends: neither is read.
+// No process writes into the FIFO, and a device never ends: neither is read.
 TEST(Hash, WhatIsNoRegularFileIsNotRead) {
   const std::string file = std::string(testing::TempDir()) + "fifo.onnx";
   std::filesystem::remove(file);

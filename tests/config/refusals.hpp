@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every way to get a robot file wrong that the loader knows, with the complaint it must give: the small robot with
-// `from` replaced by `to`, and the problems' "line:column: what; how to mend", one per line. The lines were read and
+// `from` replaced by `to`, the problems' "line:column: what; how to correct it", one per line. The lines were read and
 // judged one by one; a changed wording changes here too.
 #pragma once
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Goal: whoever searches docs/troubleshooting.md for a sentence of a program finds its row, and the page stays short.
+"""Goal: a search of docs/troubleshooting.md for a sentence of a program finds its row, and the page stays short.
 Method: each code span of a table's first column must be in a string of one source file of the programs, adjacent strings
 joined; `...` stands for what the program fills in. Commands that a span may name instead begin with `takt `. A quote that
 is planted must be found missing. The page has at most 40 rows.

@@ -148,7 +148,7 @@ def main():
             (folder / "config").symlink_to(page.parent.parent / "config")
         (folder / "build").mkdir()
         (folder / "build/python").symlink_to(programs.parent / "python")
-        # A robot of the page is nobody else's: two pages, or a page and a test, may run at once.
+        # A robot of the page is of this page alone: two pages, or a page and a test, may run at once.
         # Of other programs Debian's come first: a page's Python is the one that Debian's packages are for.
         environment = dict(os.environ, PATH=f"{programs}:/usr/bin:{os.environ['PATH']}", LC_ALL="C.UTF-8", XDG_RUNTIME_DIR=str(folder))
         count, wrong = run_page(page, folder, environment)

@@ -226,7 +226,7 @@ TEST(Exploration, EveryHappeningAloneKeepsTheContractAndEveryCauseIsMet) {
                                                                 : 1;
     for (std::size_t nth = 0; nth < count; ++nth) {
       const std::size_t index = is_of_each ? nth : i % robot.joints.size();
-      // Before anybody armed; while the policy moves the robot, shortly and for long.
+      // Before arming; while the policy moves the robot, shortly and for long.
       for (const Event& event :
            {Event{what, {}, milliseconds(2500), index}, Event{what, seconds(3), milliseconds(160), index},
             Event{what, seconds(3), milliseconds(2500), index}})

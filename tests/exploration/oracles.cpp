@@ -17,7 +17,7 @@ constexpr Duration kSettles = seconds(1);  // after something was wrong, or move
 constexpr double kRestSpeed = 0.1;         // rad/s: a joint that is slower rests
 // rad/s: of a joint that is braked stiffly at the host, which swings back; the most of 2,000 schedules is 0.65.
 constexpr double kOvershoot = 0.7;
-// Of its speed when it was let go: damping that is made at the host follows a velocity that is some 10 ms old, and
+// Of its speed when it was released: damping that is made at the host follows a velocity that is some 10 ms old, and
 // swings a light joint back by so much.
 constexpr double kSwingsBack = 0.45;
 constexpr double kQuantum = 0.01;  // share of a range: more than any field's last bit
@@ -83,7 +83,7 @@ void Oracles::mit_frame(std::size_t j, const World::Sent& sent) {
     const double ratio = kPolicyKp * joint.kp / (kd * joint.kd);
     return asked.kp > 10 && asked.kd > 0.1 && std::abs(asked.kp / asked.kd / ratio - 1) < 0.08;
   };
-  // A join may mix the gains of two chunks, and these may be anybody's then.
+  // A join may mix the gains of two chunks, and these may be any then.
   const MonoTime unusual = joints_[j].unusual_gains_at;
   if (unusual.is_set() && sent.at - unusual < kSettles) return;
   const Player sender = has_gains(kPolicyKd)      ? Player::policy

@@ -9,21 +9,21 @@
 // frame_limits   position, speed, gains and torque that a frame asks for are inside the robot's limits, to a quantum
 // torque_slew    torque commands follow one another within torque_rate, or fall to zero
 // no_push        a joint that is not heard any more gets no faster by our doing
-// stop_wins      from the second tick after the operator's stop on, nobody tracks; after power off, it is standby
-// recorded       nobody tracks for more than two ticks while nothing is recorded
+// stop_wins      from the second tick after the operator's stop on, nothing tracks; after power off, it is standby
+// recorded       the robot never tracks for more than two ticks while nothing is recorded
 // standby_still  what is in standby and hears us is not enabled
 // torque_off     from the second tick in standby on, the output that permits torque does not, unless it is broken
 // comes_to_rest  two seconds after a damped stop began, or was left by the fallback policy, undisturbed joints rest
 // stop_by_policy in a damped stop the fallback policy moves the robot only while the stop's way is its (stop_book.hpp)
 // stop_ends      a joint is stiff in a damped stop only while its way says so, or once the joint has rested in it
-// reset_waits    nobody takes the power of a robot that the fallback policy moves
+// reset_waits    nothing takes the power of a robot that the fallback policy moves
 // degraded_ends  the robot is not degraded for longer than degraded.for
 // no_bug         the executive never finds an error of its own, and its guard refuses nothing that it decided
 // speed          without a shove no joint is faster than velocity_hard
 //
 // On true motion, of joints with which nothing is wrong; what a hand or a shove gives a joint is not our doing:
 //
-// thrown         where nobody plays (degraded and held, stopped, arming, standby) no joint gets faster than it was
+// thrown         where no policy plays (degraded and held, stopped, arming, standby) no joint gets faster than it was
 // too_fast       no joint gets faster than 1.1 times limits.velocity, when a hand lets go neither; 1.3 times while a
 //                policy plays, whose damping here is half of the robot's (and see kPlayedJointsYieldToHands)
 // too_sudden     no joint gets faster by more than twice limits.acceleration, taken over 40 ms
@@ -71,8 +71,8 @@ class Oracles {
     MonoTime calm_since, rested_at;   // by its true motion; unset: it moves, it never rested
     MonoTime ill_at, touched_at;      // something was wrong with it; a hand or a shove moved it
     double carried = 0;               // rad/s, what is left of a speed that was not our doing
-    double let_go = 0;                // rad/s, its speed when nobody played any more
-    double led = -1;                  // rad/s, how fast it may be where nobody plays; < 0: not known
+    double let_go = 0;                // rad/s, its speed when no policy played any more
+    double led = -1;                  // rad/s, how fast it may be where no policy plays; < 0: not known
     std::array<double, 40> speeds{};  // rad/s, of the last steps, signed
     MonoTime unusual_gains_at, undamped_at, swung_at, played_at, powered_at, moving_since;
   };

@@ -212,7 +212,7 @@ class World::VirtualBus final : public drivers::CanBus {
     const drivers::SendResult result = world_.send(index_, frame);
     health_.tx_dropped += result == drivers::SendResult::sent ? 0U : 1U;
     world_.fall_asleep(Happening::computer_sleeps_in_tick);
-    world_.stall_in(Happening::stall_in_send);  // the frame is out; what stalls inside the write itself, nobody can see
+    world_.stall_in(Happening::stall_in_send);  // the frame is out; what stalls inside the write itself is unseen
     return result;
   }
   std::size_t receive(std::span<drivers::ReceivedFrame> out) noexcept override {

@@ -267,7 +267,7 @@ def check_artifact(made, keys):
     panel, folder = made / "panel.yaml", made / "artifact"
     panel.write_text(PANEL.replace("SEEDS", "3").replace("config/arm6.yaml", str(SOURCE / "config/arm6.yaml")))
     call(PROGRAMS / "takt", "panel", "run", panel, "--out", folder, "--workers", "2")
-    check_signatures(made, folder, keys, "WARNED")  # nobody completed its post-mortems
+    check_signatures(made, folder, keys, "WARNED")  # its post-mortems are not completed
     public = keys[0][1]
     for file in (folder / "postmortems").iterdir():
         copy = made / "copy"

@@ -41,7 +41,7 @@ def one_of_each_kind(mutants):
 
 
 class Explained:
-    """survivors.toml: mutants that nobody has to notice, and why. What an entry leaves out, may be anything."""
+    """survivors.toml: mutants that no oracle has to notice, and why. What an entry leaves out, may be anything."""
     FIELDS = ("file", "function", "operator", "change")
 
     def __init__(self, entries, mutants):
@@ -105,7 +105,7 @@ def line_of(mutant, outcomes, explained):
 
 
 def print_matrix(results):
-    """How many each oracle and each program noticed, and how many of those nobody else did."""
+    """How many each oracle and each program noticed, and how many of those no other did."""
     noticed, alone = collections.Counter(), collections.Counter()
     operators, killed = collections.Counter(), collections.Counter()
     for mutant, outcomes in results:

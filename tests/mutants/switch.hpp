@@ -42,7 +42,7 @@ inline constinit Id chosen = 0;
 inline constinit bool is_recording = false;
 inline constinit std::atomic<Id> reached[kSlots] = {};
 
-// An open hash table: whoever finds an empty slot takes it.
+// An open hash table: the thread that finds an empty slot takes it.
 inline void note(Id id) noexcept {
   for (std::size_t i = id % kSlots, tries = 0; tries < kSlots; i = (i + 1) % kSlots, ++tries) {
     Id there = reached[i].load(std::memory_order_relaxed);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: with nothing but what takt-dev installs, somebody builds an engine of their own, the policy host runs it by the
+// Goal: with nothing but what takt-dev installs, a user builds an engine of their own, the policy host runs it by the
 // robot file's word, and the run replays. Method: the installation is staged in a folder, the installed example is
 // compiled against it alone, and runs the demo robot from a policy file that is no ONNX.
 #include <gtest/gtest.h>

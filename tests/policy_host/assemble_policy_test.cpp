@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: what an exporter left in an ONNX file is held against the robot file by whoever loads it, whichever engine runs
+// Goal: what an exporter left in an ONNX file is held against the robot file by its loader, whichever engine runs
 // it and however the file is called. Method: a file of metadata alone, an engine that takes anything, one deviation.
 #include "policy_host/assemble_policy.hpp"
 

@@ -98,7 +98,7 @@ TEST_F(CandidateProcess, ShadowSwapBackAndAKillInBetween) {
   EXPECT_NE(text_of(robot_.directory() + "/executive.log").find("change of policy: back_for_age"), std::string::npos);
 }
 
-// Goal: nobody takes another candidate's figures for its own. Method: a second one beside the first.
+// Goal: no process takes another candidate's figures for its own. Method: a second one beside the first.
 TEST_F(CandidateProcess, ASecondOneIsRefusedAndTheFirstGoesOn) {
   Child policy = robot_.start_policy_host();
   ASSERT_TRUE(robot_.wait_until(

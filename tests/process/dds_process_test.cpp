@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: ROS 2's wire carries what the robot did: names, types, type hashes and every number; and nobody in the domain
+// Goal: ROS 2's wire carries what the robot did: names, types, type hashes and every number; and none in the domain
 // moves the robot unless its file allows it. Method: a robot of real processes with a `dds` section of its own domain
 // on loopback; Fast DDS as the other side; every number compared with the run folder's record of the same tick, and the
 // mode with the operator's socket.

@@ -22,7 +22,7 @@ class Operated:
         return subprocess.Popen([self.programs / "takt", *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **how)
 
     def status(self):
-        """{}: nobody answers."""
+        """{}: no executive answers."""
         said = json.loads(self.takt("status", "--runtime-dir", self.sockets, "--json").stdout)
         return said["status"] or {}
 

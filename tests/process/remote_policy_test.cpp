@@ -388,7 +388,7 @@ TEST_F(RemotePolicy, AServerWithAnotherRobotFileMovesNothingAndSaysSo) {
 TEST_F(RemotePolicy, TwoRobotsOfOneMachineAreServedApart) {
   const FarMachine far = start_far("far");
   ASSERT_TRUE(moves_on()) << logs();
-  // Another robot, on the same network: its bridge hears nobody, and nobody is disturbed.
+  // Another robot, on the same network: its bridge hears none, and none is disturbed.
   const std::string file = temporary_.path("another.yaml"), directory = temporary_.path("another");
   std::ofstream(file) << replaced(robot_text(), "robot: arm6", "robot: another");
   std::filesystem::create_directories(directory);

@@ -5,7 +5,7 @@
 // namespace; the test is executive and sensor, asks the same questions one after the other, and compares the values of
 // the answers. Every question differs from the one before in every vector, and each answer depends on those before.
 // What the last action was depends on when the next observation is: questions are stamped a second apart, which is
-// longer than a chunk, all of them in the past, so that nobody has to wait for them and no network's delay matters.
+// longer than a chunk, all of them in the past, so that no process has to wait for them and no network's delay matters.
 #include <gtest/gtest.h>
 
 #include <cmath>

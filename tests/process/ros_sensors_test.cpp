@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: topics of ROS 2 reach whoever reads the robot's sensors, number by number and with their own stamps; what does
+// Goal: topics of ROS 2 reach the readers of the robot's sensors, number by number and with their own stamps; what does
 // not fit the robot file, or claims to be from the future, does not pass as something better than it is. Method:
 // takt-ros-sensors as a real process, Fast DDS with no types of ours as camera, IMU, hand and operator, and a reader at
 // each sensor's mailbox as a policy is.

@@ -40,7 +40,7 @@ class UnreadPipe {
     EXPECT_TRUE(reader_.is_open());
   }
   [[nodiscard]] const std::string& path() const { return path_; }
-  // From here on whoever writes to it blocks.
+  // From here on every writer to it blocks.
   void fill() const {
     const ipc::Descriptor writer(open(path_.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC));
     const std::string some(4096, '.');
@@ -49,7 +49,7 @@ class UnreadPipe {
     while (write(writer.get(), some.data(), 1) > 0) {
     }
   }
-  // From here on whoever writes to it gets SIGPIPE.
+  // From here on every writer to it gets SIGPIPE.
   void close() { reader_.close(); }
 
  private:

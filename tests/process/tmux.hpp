@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A terminal that nobody looks at: a tmux server of a test's own with one window, whose screen can be read and whose
+// A terminal without a viewer: a tmux server of a test's own with one window, whose screen can be read and whose
 // keyboard can be pressed. Everything in it is gone with the object. Waits are bounded polls for what the screen says.
 #pragma once
 

@@ -21,8 +21,8 @@ import tempfile
 import time
 
 LEAST_SHARE_WALKED = 0.5  # of what was commanded: policies track their command with an error of their own
-HANGS_LOWEST = 0.4        # of the height at which it hung: below it, it fell as soon as it was let go
-STANDS = 0.75             # of the height at which it stood in the second after it was let go
+HANGS_LOWEST = 0.4        # of the height at which it hung: below it, it fell as soon as it was released
+STANDS = 0.75             # of the height at which it stood in the second after it was released
 RESPONSE_S = 4            # after the walk, to come to a stand
 STANDS_STILL_M = 0.15     # over ground at most in its last second
 

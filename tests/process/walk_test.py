@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Goal: a robot that falls by itself walks by its policy through Takt's processes, and stands when the policy is gone: the one in config/, and
-somebody else's by somebody else's policy, from their published files and without an edit. What it did is judged by the plant, and every tick
+a published one by its own published policy, from their published files and without an edit. What it did is judged by the plant, and every tick
 replays. Method: walk.py lets it walk for some seconds at 0.5 m/s with the policy frozen for 300 ms on the way, then frozen for 2 s, then killed, then stopped by a person;
 `published` takes Unitree's G1 as ../shared has it. Real time: it wants the machine for itself.
 Usage: walk_test.py SOURCE_DIR BIN_DIR balancer|published

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: what is wrong is said when it begins and when it changes, and whoever sends messages that are wrong in a new
+// Goal: what is wrong is said when it begins and when it changes, and a sender of messages that are wrong in a new
 // way each time, or wrong every second time, fills no log. Method: a logger into text, instants by hand.
 #include "sensors/complaint.hpp"
 

@@ -148,7 +148,7 @@ TEST_P(DriveLoopTest, ADriveThatRestartedIsNotEnabledAgain) {
   enable();
 }
 
-// Goal: whoever wants ideal drives in a simulation has them: a moteus, whose every number is a float, with gains of its
+// Goal: who wants ideal drives in a simulation has them: a moteus, whose every number is a float, with gains of its
 // own servo. Method: setpoints drawn at random against the servo law at the motor, at the instant when the drive acts.
 TEST(IdealDrive, AMoteusGivesWhatTheServoLawSays) {
   DriveLoop loop(moteus("ideal", 40, 10).drive, milliseconds(50));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: a drive that forgets with its supply where its joint is, is enabled only once it was told, or somebody made
+// Goal: a drive that forgets with its supply where its joint is, is enabled only once it was told, or a user made
 // sure of it, and never after it may have forgotten again. Method: simulated drives of either kind and their host
 // drivers in virtual time. Where the joint truly is says the rotor; what the drive counts from was written down here
 // from the robot file's keys (40 deg: 9 places per turn).
@@ -165,7 +165,7 @@ TEST(HomeAfterPowerUp, ATMotorThatFellSilentMayHaveForgotten) {
   EXPECT_TRUE(home_is_unknown(loop));
 }
 
-// A blink that nobody heard: only what it reads differs.
+// A blink that was not noticed: only what it reads differs.
 TEST(HomeAfterPowerUp, ATMotorThatJumpsBySeveralStepsHasForgotten) {
   test::DriveLoop loop(tmotor(), milliseconds(100));
   loop.host->assume_home(0, 0.05F);

@@ -27,7 +27,7 @@ def mjcf_of(robot):
               f'<joint name="{name}" axis="{numbers(axis)}" armature="{ROTOR}"/>'
               for name, xyz, axis, mass, com, inertia in LINK.findall(robot)]
     assert len(bodies) == 6, bodies
-    # An attribute that MuJoCo 2.2.2 does not know: the plant mends it, and says so.
+    # An attribute that MuJoCo 2.2.2 does not know: the plant corrects it, and says so.
     bodies[0] = bodies[0].replace("armature=", 'actuatorfrcrange="-50 50" armature=')
     return ('<mujoco><compiler angle="radian"/><option timestep="0.001"/><worldbody><site name="imu"/>'
             + "".join(bodies) + "</body>" * 6 + "</worldbody></mujoco>")

@@ -454,7 +454,7 @@ TEST_F(MujocoTest, AJointIsFoundByWhatAnImportCallsIt) {
 }
 
 // Goal: the usual entry of a published robot, a scene with its floor that includes the robot, loads and names its
-// files' own lines. Method: the hopper as a scene and two files, one of them with what is mended; one with a fault.
+// files' own lines. Method: the hopper as a scene and two files, one of them with what is corrected; one with a fault.
 TEST_F(MujocoTest, AModelOfSeveralFilesIsOne) {
   const std::string folder = testing::TempDir() + fmt::format("takt-scene-{}/", getpid());
   std::filesystem::create_directories(folder + "parts");
@@ -577,7 +577,7 @@ class G1 {
   std::vector<double> home_ = std::vector<double>(29);
 };
 
-// Goal: somebody else's robot walks in our simulator by somebody else's policy. Method: both files as they were
+// Goal: a published robot walks in our simulator by its published policy. Method: both files as they were
 // published (the model with what MuJoCo 2.2.2 does not know); 0.5 m/s commanded for ten seconds; the same again gives
 // the same bits.
 TEST(G1InMujoco, WalksByItsPublishedPolicyAndFallsWithoutIt) {

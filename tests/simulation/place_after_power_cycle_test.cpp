@@ -3,7 +3,7 @@
 // without supply; a drive that knows its place is armed without a question.
 // Method: tick, drivers and simulated drives in virtual time, one joint on a flywheel; every kind of drive, places at
 // random inside the joint's limits, a power cycle before a run, between two (the joint moved by hand meanwhile) and
-// during one. Zeros are set as `takt bus zero` sets them. Where a drive needs somebody's word it gets a true one, once,
+// during one. Zeros are set as `takt bus zero` sets them. Where a drive needs a user's word it gets a true one, once,
 // as the executive takes notes. The oracle is the plant's true position.
 #include <gtest/gtest.h>
 
@@ -101,7 +101,7 @@ class Bench {
     zero_ = plant_.state().q[0];
   }
 
-  // As `takt joint home` does, by somebody who is right. False: refused.
+  // As `takt joint home` does, by a user who is right. False: refused.
   bool home() {
     auto heard = loop();
     heard.run(600);
@@ -225,7 +225,7 @@ TEST(PlaceAfterPowerCycle, NoJointIsArmedThatReadsElsewhere) {
   EXPECT_LE(20 * knowing.asked, knowing.cases);
 }
 
-// Goal: what `takt bus zero` sets is there again, and what somebody else set and did not save is missed.
+// Goal: what `takt bus zero` sets is there again, and what another tool set and did not save is missed.
 TEST(PlaceAfterPowerCycle, AZeroThatWasSavedIsThereAgain) {
   for (const bool is_saved : {true, false}) {
     Bench bench(kKinds[4]);  // RobStride

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: a scenario or devices file is read as written, or refused with a line that says what to mend.
+// Goal: a scenario or devices file is read as written, or refused with a line that says what to correct.
 // Method: one table row per mistake with the exact complaint; every example file of config/ is loaded.
 #include "simulation/scenario.hpp"
 

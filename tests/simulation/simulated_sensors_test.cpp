@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: whatever a simulation plays of a robot's sensors, a scenario strikes by its name, and nobody else's. Method: a
+// Goal: whatever a simulation plays of a robot's sensors, a scenario strikes by its name, and no other's. Method: a
 // pendulum in a forked world that gives a sensor and images, through real mailboxes: each is read after every step,
-// while another fault strikes each of them; a third sensor is played by nobody.
+// while another fault strikes each of them; a third sensor is not played.
 #include "simulation/simulated_sensors.hpp"
 
 #include <gmock/gmock.h>

@@ -60,7 +60,7 @@ TEST_F(ReportCli, ReplaySaysByItsExitCodeThatNotEveryTickCouldBeJudged) {
   EXPECT_NE(ended.output.find("140 ticks could not be judged"), std::string::npos) << ended.output;
 }
 
-// What a simulator leaves that was ended early: an empty truth file, which nobody asked for.
+// What a simulator leaves that was ended early: an empty truth file, which was not requested.
 TEST_F(ReportCli, ATruthFileWithoutATargetIsSaidAndTheReportGoesOn) {
   std::ofstream(in("run/truth.jsonl")).close();
   const Ended found = report("");

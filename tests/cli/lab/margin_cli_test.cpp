@@ -38,7 +38,7 @@ TEST_F(MarginCli, TheDemoArmsMarginsAgreeAndTwoJointsRing) {
   EXPECT_EQ(parsed.output, "12\n") << "gain and phase of six joints";
 }
 
-// Without the task nothing is left to say of a robot that falls: one line, which names what mends it.
+// Without the task nothing is left to say of a robot that falls: one line, which names the correction.
 TEST_F(MarginCli, ARobotThatFallsHasNoLoopToShow) {
   for (const std::string robot : {"cart_pole", "balancer"}) {
     const test::Ended ended = takt("margin config/" + robot + ".yaml --no-task");

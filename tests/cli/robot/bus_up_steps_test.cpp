@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: a kernel's refusal is answered by what mends it, and by nothing else; each step is judged and read back.
+// Goal: a kernel's refusal is answered by what corrects it, and by nothing else; each step is judged and read back.
 // Method: answers of `ip` as kernels and drivers word them, each with the advice that fits; interfaces that take what
 // their drivers take, played back.
 #include "cli/robot/bus_up_steps.hpp"

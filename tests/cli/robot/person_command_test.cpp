@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: what a person says reaches whoever reads the sensor for as long as it is said, and what the robot file does not
-// allow is refused before anybody hears it. Method: the command in a thread, a reader on its real socket; refusals by
+// Goal: operator input reaches the readers of the sensor for as long as it is given, and what the robot file does not
+// allow is refused before it is published. Method: the command in a thread, a reader on its real socket; refusals by
 // exit code.
 #include <gtest/gtest.h>
 

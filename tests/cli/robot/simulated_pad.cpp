@@ -49,7 +49,7 @@ namespace takt::test {
 
 SimulatedPad::SimulatedPad(const std::string& path) {
   EXPECT_EQ(mkfifo(path.c_str(), 0600), 0);
-  fd_ = open(path.c_str(), O_RDWR | O_CLOEXEC);  // both ends, so that nobody waits for the other to open
+  fd_ = open(path.c_str(), O_RDWR | O_CLOEXEC);  // both ends, so that no side waits for the other to open
   EXPECT_GE(fd_, 0);
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: the loopback bus is a bus: every node hears every other, a slow or dead node harms nobody, a dead hub is
+// Goal: the loopback bus is a bus: every node hears every other, a slow or dead node harms no other, a dead hub is
 // noticed. Method: real sockets; three nodes in three processes for the exchange, the rest in one thread that pumps by
 // hand.
 #include <gtest/gtest.h>
@@ -99,7 +99,7 @@ TEST_F(Loopback, CarriesFdFramesAndKeepsTheOrder) {
   for (std::uint8_t i = 1; i < 40; ++i) EXPECT_EQ(got[i].frame.data[0], i);
 }
 
-// Goal: who wants no id, as the executive on a bus without drives, hears nobody. Method: a frame to it and to a node
+// Goal: who wants no id, as the executive on a bus without drives, hears nothing. Method: a frame to it and to a node
 // that wants everything.
 TEST_F(Loopback, WhoWantsNoIdHearsNothing) {
   listen("none");
@@ -320,7 +320,7 @@ TEST_F(Loopback, HoldsAtMostItsNumberOfNodes) {
 TEST_F(Loopback, ALiveHubsSocketIsRespectedADeadOnesReplaced) {
   listen("twice");
   EXPECT_FALSE(LoopbackHub::listen(path, {}));
-  // A hub that died without cleaning up: its socket file is there, nobody answers.
+  // A hub that died without cleaning up: its socket file is there, no process answers.
   const std::string stale = fresh_path("stale");
   const auto address = loopback_address(stale);
   {
@@ -383,7 +383,7 @@ TEST_F(Loopback, HubAndNodesInThreeThreads) {
     std::size_t count = 0;
     std::size_t sent = 0;
     for (int turn = 0; turn < 20'000 && (count < kFrames || sent < kFrames); ++turn) {
-      // A few at a time, so that nobody's queue overflows.
+      // A few at a time, so that no queue overflows.
       for (int burst = 0; burst < 4 && sent < kFrames && sent < count + 64; ++burst)
         sent += bus.send(numbered(0x10, 1)) == SendResult::sent ? 1U : 0U;
       count += bus.receive(heard);

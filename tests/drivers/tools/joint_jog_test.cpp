@@ -214,7 +214,7 @@ TEST_F(Jog, FromOutsideItsLimitsTheWayInIsFree) {
   EXPECT_NEAR(moved_, -0.15, 0.01);
 }
 
-// Goal: a loaded joint goes where it is led, either way; one that is not carried is let go before it went far.
+// Goal: a loaded joint goes where it is led, either way; one that is not carried is released before it went far.
 // Method: 3 Nm on a joint that is pulled by 1 Nm at most, with and without a model that knows of them.
 TEST_F(Jog, GravityIsCarriedByTheModelEitherWay) {
   load_ = -3;

@@ -121,7 +121,7 @@ TEST_F(GpioLineTest, IsSetWhereItChangesOnly) {
 TEST_F(GpioLineTest, ALineThatReadsOtherwiseIsNotAsToldAndIsSetAgain) {
   const auto opened = open_torque_output(wanted).value();
   ASSERT_TRUE(opened.output->tell(true));
-  g_chip.value = 0;  // somebody pulls it
+  g_chip.value = 0;  // another part pulls it
   EXPECT_FALSE(opened.output->tell(true));
   EXPECT_TRUE(opened.output->tell(true)) << "set again";
   g_chip.stuck = true;

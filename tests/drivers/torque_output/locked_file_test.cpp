@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Goal: the simulated torque output does what a line does: others see the permission, it ends with its holder however
-// that ends, and an output that somebody else holds, or that is gone, is not as told. Method: real files; a child
+// that ends, and an output that another process holds, or that is gone, is not as told. Method: real files; a child
 // process that kills itself.
 #include "drivers/torque_output/locked_file.hpp"
 

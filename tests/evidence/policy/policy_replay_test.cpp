@@ -328,7 +328,7 @@ TEST_F(PolicyReplayTest, AnotherFileGivesTheDistancesOfItsTargets) {
   EXPECT_TRUE(replayed(recorded, options).agrees());
 }
 
-// A distance that is no number compares with nothing: it must not pass for a small one.
+// A distance of NaN compares with nothing: it must not pass for a small one.
 TEST_F(PolicyReplayTest, ATargetThatIsNoNumberIsBeyondAnyTolerance) {
   const auto robot_of = robot(write("policy.onnx", forgetful(10)));
   const RecordedRun recorded = run(robot_of, answers(robot_of, {1}));
@@ -380,7 +380,7 @@ TEST_F(PolicyReplayTest, BehindAMissingAnswerOnlyAMemoryIsUnknown) {
   }
 }
 
-// The recorder came while the host was at work: what its network remembered then nobody knows.
+// The recorder came while the host was at work: what its network remembered then is unknown.
 TEST_F(PolicyReplayTest, AMemoryThatBeganUnrecordedIsNotJudged) {
   const auto robot_of = robot(write("policy.onnx", accumulator(10)));
   auto all = answers(robot_of, kIds);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Goal: a robot whose base moves by itself rolls out in virtual time as it runs: its IMU reaches tick and policy, a
 // person commands its velocity, it is judged by how it goes and whether it stands. Method: a box on two wheels of our
-// own with a policy written here; the robot in config/ that falls when nobody balances it; Unitree's G1 by its
+// own with a policy written here; the robot in config/ that falls unless it is balanced; Unitree's G1 by its
 // published policy where ../shared has them.
 #include <gtest/gtest.h>
 #include <unistd.h>

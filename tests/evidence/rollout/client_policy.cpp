@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A policy by takt/client.h for policy_process_test: the demo arm's joints sway about home, further with every answer
-// since it was told to forget. `WHAT` says what else it does; `--robot` and `--runtime-dir` are whoever starts it's.
+// since it was told to forget. `WHAT` says what else it does; `--robot` and `--runtime-dir` come from its caller.
 #include <unistd.h>
 
 #include <cmath>

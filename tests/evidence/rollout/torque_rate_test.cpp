@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Goal: a walker plays its held actions as softly as the plain PD loop that trained them, and a velocity setpoint that
-// nobody meant would not. Method: Unitree's G1 by its published policy, walking in virtual time, where ../shared has
+// no policy meant would not. Method: Unitree's G1 by its published policy, walking in virtual time, where ../shared has
 // them: beside what the executive's outputs come to, the torque of kp (action - q) - kd dq from the same actions on the
 // same motion; the rms of what changes from tick to tick, all joints. The same robot with its actions taken for a path.
 #include <gtest/gtest.h>

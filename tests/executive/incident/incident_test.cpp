@@ -327,7 +327,7 @@ TEST_F(FallbackIncident, BothLostAreNamedAndTheChainSaysWhoTookOver) {
   EXPECT_TRUE(std::ranges::any_of(incident->chain, took_over));
 }
 
-// Goal: of a robot without a model nobody is told that it was damped to rest. Method: the demo arm with and without its
+// Goal: no text says that a robot without a model was damped to rest. Method: the demo arm with and without its
 // model, and as a robot with a free base.
 TEST_F(IncidentTest, WithoutAModelItSaysWhatAStopDoes) {
   const auto done = [this](Mode mode, Cause cause) {

@@ -106,7 +106,7 @@ TEST_F(Rendezvous, ReplacesADeadServersSocketButRespectsALiveOne) {
   EXPECT_TRUE(attach(path_, hello_of(Role::policy), kTimeout)) << "the first server was disturbed";
 }
 
-// Goal: whoever may open the directory keeps no server from starting. Method: the directory is locked, as a process of
+// Goal: who may open the directory keeps no server from starting. Method: the directory is locked, as a process of
 // the policy's group could do it for ever; the lock in use is its owner's alone.
 // Threat: user-locks-robot
 TEST_F(Rendezvous, ALockOnTheDirectoryKeepsNoServerFromStarting) {
@@ -285,7 +285,7 @@ TEST_F(Rendezvous, SilentClientsAreDroppedAndCounted) {
   EXPECT_EQ(server.stopped().refusals().silent, 1U);
 }
 
-// Goal: whoever takes the policy's lease and never acknowledges keeps it for a moment, not for ever; one that did keeps
+// Goal: who takes the policy's lease and never acknowledges keeps it for a moment, not for ever; one that did keeps
 // it although it says nothing more. Method: one silent client, whose hang-up is waited for, then another's lease.
 TEST_F(Rendezvous, APolicyThatNeverAcknowledgesLosesItsLease) {
   std::atomic<int> left = 0;
@@ -389,7 +389,7 @@ TEST_F(Rendezvous, APolicySaysWhatKeepsItFromAnswering) {
   EXPECT_EQ(server.stopped().refusals().malformed, 2U);
 }
 
-// As many viewers as there may be: one more is told so, and whoever matters more still gets in.
+// As many viewers as there may be: one more is told so, and clients that matter more still get in.
 // Threat: user-crowds
 TEST_F(Rendezvous, ViewersAreBoundedAndKeepNobodyElseOut) {
   Handlers handlers = admit_all();
@@ -415,7 +415,7 @@ TEST_F(Rendezvous, ViewersAreBoundedAndKeepNobodyElseOut) {
   EXPECT_TRUE(attach(path_, hello_of(Role::viewer), kTimeout));
 }
 
-// Connections that say nothing, and operators that asked once and stay: never longer than until somebody asks.
+// Connections that say nothing, and operators that asked once and stay: never longer than until a client asks.
 TEST_F(Rendezvous, WhoeverIsQuietGivesWayToAnOperator) {
   Handlers handlers = admit_all();
   handlers.request = [](const Peer&, const OperatorMessage&, std::string_view) { return OperatorReply{}; };
@@ -538,7 +538,7 @@ TEST_F(Rendezvous, EvictionEndsTheLeaseAtOnce) {
 TEST_F(Rendezvous, OtherUsersAreRefused) {
   if (geteuid() != 0) GTEST_SKIP() << "SKIPPED: only root can connect as another user";
   const ServerThread server(path_, admit_all());
-  // Credentials are those of connect(): this thread connects as nobody, then becomes root again.
+  // Credentials are those of connect(): this thread connects as user 65534, then becomes root again.
   let_everybody_in();
   ASSERT_EQ(seteuid(65534), 0);
   const auto lease = attach(path_, hello_of(Role::policy), kTimeout);
@@ -632,7 +632,7 @@ TEST_F(Rendezvous, ClientSaysWhatIsWrongWithoutAServer) {
   ASSERT_FALSE(no_sensor);
   EXPECT_TRUE(contains(no_sensor.error(), "start the sensor's own program")) << no_sensor.error();
 
-  // A server that never answers: its backlog takes the connection, nobody serves.
+  // A server that never answers: its backlog takes the connection and serves none.
   auto idle = RendezvousServer::listen(path_, geteuid(), admit_all());
   ASSERT_TRUE(idle);
   const auto unanswered = attach(path_, hello_of(Role::policy), std::chrono::milliseconds(20));

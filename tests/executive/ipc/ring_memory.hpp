@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Memory for a ring, private or shared with forked children, and payloads that betray tearing: every word depends on
+// Memory for a ring, private or shared with forked children, and payloads that show tearing: every word depends on
 // the sequence, so that no mixture of two payloads passes for one.
 #pragma once
 

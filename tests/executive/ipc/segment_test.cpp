@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: nobody can take memory away from under a reader or gain write access after sealing. Method: attempt every such
+// Goal: no process can take memory away from under a reader or gain write access after sealing. Method: try every such
 // operation on real memfds; show in a forked child that the same truncation kills a reader of an unsealed file.
 #include "executive/ipc/segment.hpp"
 

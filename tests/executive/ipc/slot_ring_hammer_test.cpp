@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Goal: a reader beside a writer that never pauses gets whole payloads in order, within the bounded tries, and the race
-// detector finds nothing. Method: two threads, a fixed number of publications, payloads that betray tearing.
+// detector finds nothing. Method: two threads, a fixed number of publications, payloads that show tearing.
 #include <gtest/gtest.h>
 
 #include <atomic>

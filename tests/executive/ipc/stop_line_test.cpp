@@ -59,7 +59,7 @@ TEST_F(StopLineTest, WhatIsNoStopIsPassedOver) {
   EXPECT_EQ(line.wait(), OperatorVerb::stop);
 }
 
-// Whoever floods the line has asked for a stop already: a sender finds it full, not broken, and is not held up for
+// A flooder of the line has asked for a stop already: a sender finds it full, not broken, and is not held up for
 // long.
 TEST_F(StopLineTest, AFullLineHoldsNobodyUp) {
   StopLine line = StopLine::listen(path()).value();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: whoever logs is never held up by whoever reads, nothing is lost in silence, and a program can end. Method:
-// pipes that nobody reads, that are read late, or that are closed. A push that blocked would hang its test.
+// Goal: a caller that logs is never held up by the reader, nothing is lost in silence, and a program can end. Method:
+// pipes that are not read, that are read late, or that are closed. A push that blocked would hang its test.
 #include "executive/log/line_queue.hpp"
 
 #include <fcntl.h>
@@ -63,7 +63,7 @@ TEST_F(LineQueueTest, LinesArriveInTheirOrder) {
   EXPECT_EQ(queue.dropped(), 0U);
 }
 
-// 100,000 lines of 100 bytes into a pipe that is full and not read: none waits. Then somebody reads: the newest
+// 100,000 lines of 100 bytes into a pipe that is full and not read: none waits. Then they are read: the newest
 // lines are there, and how many are not.
 TEST_F(LineQueueTest, AFullPipeHoldsNobodyUpAndTheLossIsSaid) {
   constexpr int kPushed = 100'000;
@@ -95,7 +95,7 @@ TEST_F(LineQueueTest, AReaderWhoLeftEndsNobody) {
   EXPECT_EQ(queue.dropped(), 100U);
 }
 
-// The writer is stuck in its write: the end does not wait for it for ever. (The pipe is read by nobody until then.)
+// The writer is stuck in its write: the end does not wait for it for ever. (The pipe is not read until then.)
 TEST_F(LineQueueTest, AStuckWriterIsLeftBehind) {
   {
     LineQueue queue(write_end(), 2000);

@@ -91,7 +91,7 @@ TEST(Brake, OnlyWhereTorqueIsScarceAndOursIsItLookedAt) {
   config.joints[1].loop = LoopAt::host_velocity;
   config.joints[2].loop = LoopAt::drive_position;
   EXPECT_EQ(scarce_joints(config, GravityModel(config)), bit_of_joint(3));
-  config.gravity_compensation = false;  // nobody knows of any load
+  config.gravity_compensation = false;  // no load is known
   config.joints[3].limits.torque = 1.2F * config.joints[3].inertia * config.joints[3].limits.acceleration;
   EXPECT_EQ(scarce_joints(config, GravityModel(config)), bit_of_joint(3)) << "half as heavy again is too much";
   config.joints[3].inertia_max = 0;  // the lower bound alone

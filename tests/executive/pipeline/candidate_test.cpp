@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Goal: a policy that runs beside the one in charge moves nothing until a person asks for it, takes over and hands back
-// without a jump, goes back by itself when it fails on probation, whoever is killed, and every tick says whose command
+// without a jump, goes back by itself when it fails on probation, whatever is killed, and each tick says whose command
 // the robot follows. Method: the rig's robot in virtual time with two hosts that answer each observation after some
 // ticks, each told when to be silent and what to want; the mailboxes change places where the tick says so.
 #include <gtest/gtest.h>
@@ -283,7 +283,7 @@ TEST(Candidate, WhatGoesBackAfterSilenceBeginsAtTheReference) {
 }
 
 // Goal: who leaves takes its last command along: without a fresh one of the robot's own policy nothing moves the robot.
-// Method: the own policy falls silent, the candidate talks nonsense on probation; every tick says who moves the robot.
+// Method: the own policy falls silent, the candidate sends invalid commands on probation; every tick says who moves.
 TEST(Candidate, RolledBackItMovesNothingThoughNothingElseDoes) {
   TwoHosts two(robot_on_probation());
   two.start_candidate();
@@ -470,7 +470,7 @@ TEST(Candidate, AThousandSwapsWithKillsAtRandomInstants) {
     if (now.in_charge == 0 && now.is_asked == 0 && i > failed_at + 100 && random() % 20 == 0)
       request = OperatorRequest::swap;
     if (now.in_charge != 0 && now.on_probation == 0) request = OperatorRequest::back;
-    // Killed within max_age of the end of its probation, it is confirmed before anybody can know.
+    // Killed within max_age of the end of its probation, it is confirmed before this can be known.
     const bool is_late = now.on_probation != 0 && two.rig.state->candidate.probation_left < milliseconds(110);
     const bool is_swapping = now.in_charge == 0 || (now.on_probation != 0 && !is_late);
     if (candidate.speaks && is_swapping && random() % 250 == 0) {

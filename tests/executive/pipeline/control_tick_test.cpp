@@ -525,7 +525,7 @@ TEST(Faults, ErrorPassiveAndUnknownDrivesAreNoFaults) {
   EXPECT_EQ(rig.mode(), Mode::tracking);
 }
 
-// On a bus without drives nothing is sent: whether it is up again nobody would learn.
+// On a bus without drives nothing is sent: whether it is up again would stay unseen.
 TEST(Faults, ABusWithoutDrivesFaultsNobody) {
   TickConfig config = robot(3);
   config.bus_count = 2;

@@ -276,7 +276,7 @@ TEST(FallbackPolicy, AnotherHostStartsItsSequencesOver) {
   EXPECT_EQ(two.header().seats[Seat::fallback].freshness, Freshness::fresh);
 }
 
-// What a tick's frames carry is never older than max_age, whoever plays, and lives no longer than that.
+// What a tick's frames carry is never older than max_age, whichever policy plays, and lives no longer than that.
 void check_age(const TickRecordHeader& header, const TickOutput& out, const TickConfig& config) {
   if (header.player == Player::none) return;
   const bool is_fallback = header.player == Player::fallback;
@@ -507,7 +507,7 @@ TEST_F(StopByPolicy, APersonsNextStopMovesNobodyWhomTheFirstLetGo) {
   stays_let_go(200);
 }
 
-// Goal: where the fallback policy let the robot stand is no rest of a robot that is let go. Method: it stands for
+// Goal: where the fallback policy let the robot stand is no rest of a robot that is released. Method: it stands for
 // seconds, falls silent, and a reset is asked for in the very tick that lets go and in each of the dwell after it.
 TEST_F(StopByPolicy, WhatItStoodStillBeforeIsNoRest) {
   rule().longest = {};

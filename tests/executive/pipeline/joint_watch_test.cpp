@@ -477,7 +477,7 @@ TEST(JointWatch, EachWatchCanBeSwitchedOff) {
   }
 }
 
-// Goal: a robot that was let go, and whose brakes hold it, is no robot whose encoders froze. Method: an arm that
+// Goal: a robot that was released, and whose brakes hold it, is no robot whose encoders froze. Method: an arm that
 // gravity pulls at, held by brakes as soon as its drives have no power; for longer than any watch looks.
 TEST(JointWatch, ABrakeThatHoldsAJointWithoutPowerIsNoFrozenEncoder) {
   for (const LoopAt loop : {LoopAt::drive, LoopAt::host_torque}) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: a reference knows where its joint is. Whoever plays without stiffness, and whatever ends it, no joint is
+// Goal: a reference knows where its joint is. Whatever plays without stiffness, and whatever ends it, no joint is
 // thrown: afterwards none gets faster by the executive's doing, and none goes far. Method: the rig's true motion, with
 // policies that play without stiffness, by velocity or by torque, and end in every way; a hand that holds a joint
 // meanwhile; then hundreds of thousands of hostile ticks.

@@ -216,7 +216,7 @@ TEST(Scope, AJointThatIsHeardAgainHoldsFromWhereItIs) {
   EXPECT_GT(rig.out->setpoints[0].kp, 0.0F) << "and it holds again";
 }
 
-// Goal: what a lost joint last said of its speed keeps nobody from resting.
+// Goal: what a lost joint last said of its speed keeps no joint from resting.
 TEST(Scope, RestIsJudgedWithoutTheStaleVelocityOfALostJoint) {
   Rig rig(two_arms());
   rig.arm(0.0F);

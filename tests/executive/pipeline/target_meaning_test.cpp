@@ -51,7 +51,7 @@ std::vector<float> actions(std::size_t count) {
   return targets;
 }
 
-// Sends one action to whoever published the newest observation.
+// Sends one action to the publisher of the newest observation.
 const TickOutput& tick_with_action(Rig& rig, float target) {
   if (!rig.out->observation_due) return rig.tick();
   CommandChunk chunk = chunk_for(rig.config, rig.newest_observation, rig.published_at[rig.newest_observation], rig.now,

@@ -157,7 +157,7 @@ TEST(BusFaults, FloodedIsMoreThanOurDrivesCanSay) {
   EXPECT_TRUE(flooded_after(2 * drivers::kMaxFramesPerDrive + 1));
 }
 
-// The executive's filters let its own command ids in, which nobody else may use.
+// The executive's filters let its own command ids in, which no other host may use.
 // Threat: rival-frames
 TEST(BusFaults, ARivalControllerShowsAsForeignFrames) {
   const std::string directory = testing::TempDir() + "takt_rival";
@@ -180,7 +180,7 @@ TEST(BusFaults, ARivalControllerShowsAsForeignFrames) {
   command.id = std::ranges::find(robot.joints, 1U, &config::Joint::bus)->drive.id;
   command.length = 8;
   ASSERT_EQ(rival->send(command), drivers::SendResult::sent);
-  command.id = 0x7E0;  // nobody's
+  command.id = 0x7E0;  // no node's
   ASSERT_EQ(rival->send(command), drivers::SendResult::sent);
   hubs[1]->pump({});
   EXPECT_EQ(edge->edge.receive(input, records), 1U);

@@ -24,7 +24,7 @@ void give_up_rights() {
   const rlimit little_memory{64 << 10, 64 << 10};
   setrlimit(RLIMIT_MEMLOCK, &little_memory);
   for (unsigned long capability = 0; capability <= CAP_LAST_CAP; ++capability) {
-    if (capability == CAP_DAC_OVERRIDE) continue;  // the build tree may belong to somebody else
+    if (capability == CAP_DAC_OVERRIDE) continue;  // the build tree may belong to another user
     prctl(PR_CAPBSET_DROP, capability, 0UL, 0UL, 0UL);
   }
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Goal: the IMU's process is found whenever it is there, its newest sample reaches the tick in the period in which it
-// was published, what has another width reaches nobody, and its end is seen. Method: a real sensor server on a real
+// was published, what has another width is dropped, and its end is seen. Method: a real sensor server on a real
 // socket, the loop of loop_rig.hpp; time is passed in.
 #include "executive/runtime/imu_link.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: between its first and its last tick the control thread allocates nothing, locks nothing, wakes nobody, and
+// Goal: between its first and its last tick the control thread allocates nothing, locks nothing, wakes no thread, and
 // makes only the system calls that declared_syscalls.hpp lists. Method: the real loop, real drivers and real loopback
 // buses, a policy that is played, a robot that is armed, all in a child process under the guard; then the same with one
 // violation of each kind planted in the bus port, which the guard must name.

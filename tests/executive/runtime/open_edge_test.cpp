@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: an executive sends nothing to drives that somebody else commands. Method: simulated drives on loopback buses,
+// Goal: an executive sends nothing to drives that another host commands. Method: simulated drives on loopback buses,
 // and one more node that sends what a controller sends, or what drives say.
 #include "executive/runtime/open_edge.hpp"
 

@@ -227,7 +227,7 @@ TEST_F(ReceptionTest, ViewersReadBesideTheMonitor) {
 }
 
 // Goal: a person changes the policy of a robot by name, hears why where that cannot be, and in the candidate's place
-// nobody but it may come back. Method: two policies in this process, each at a mailbox of its own; the loop's real
+// no other may come back. Method: two policies in this process, each at a mailbox of its own; the loop's real
 // mailboxes change places.
 TEST_F(ReceptionTest, ACandidateIsSwappedInByNameAndGivenBack) {
   Attached own = attach_policy();
@@ -445,7 +445,7 @@ TEST_F(ReceptionTest, APolicyIsPlayedThenStoppedAndReset) {
   EXPECT_TRUE(until([this](const StatusSnapshot&) { return drives_->all_disabled(); }));
 }
 
-// The stop's own way is served while the reception is not: the request is read by a tick before anybody answers.
+// The stop's own way is served while the reception is not: the request is read by a tick before any thread answers.
 TEST_F(ReceptionTest, AStopReachesTheTickWhileNobodyReceives) {
   const auto stops = StopThread::start(ipc::stop_socket_beside(path()), requests_).value();
   Attached attached = attach_policy();

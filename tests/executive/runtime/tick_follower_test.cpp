@@ -89,7 +89,7 @@ TEST_F(TickFollowerTest, AJointThatMovedUnheardIsToldOfOnce) {
   EXPECT_EQ(told, (std::vector<std::pair<std::uint64_t, std::size_t>>{{2, 1}, {5, 1}}));
 }
 
-// Goal: a pole that nobody drives may swing on; its cart's process ends all the same.
+// Goal: a pole without a drive may swing on; its cart's process ends all the same.
 TEST_F(TickFollowerTest, APassiveJointIsNotAskedWhetherItRests) {
   const pipeline::TickConfig config = two_joints(true);
   TickFollower follower(published_.tick_reader(), config, [](const TickRecord&) {});

@@ -38,7 +38,7 @@ TEST(Turns, ADriveIsWrittenToInItsTicks) {
 
 TEST(Turns, TheLastFramesAreEverybodys) {
   LoopRig rig(3, 2, {{}, {}, 100}, nullptr, kTurns);
-  rig.run(60);  // in tick 60 it is nobody's turn but the first's
+  rig.run(60);  // in tick 60 it is the first one's turn alone
   std::map<std::uint32_t, int> last;
   for (const FrameRecord& frame : rig.frames())
     if (frame.direction == FrameDirection::sent && frame.tick == 60) ++last[frame.can_id];

@@ -44,7 +44,7 @@ class Run:
         self.plays = np.isin(self.ticks["freshness"], usable) & np.isin(self.mode, ("tracking", "degraded"))
 
     def tick_at(self, stamp):
-        """Index of the tick that began last before this instant; -1: none did, or it is the last one recorded, whose end nobody knows.
+        """Index of the tick that began last before this instant; -1: none did, or it is the last one recorded, whose end is unknown.
 
         A run folder that was copied while its executive ran can hold frames that are newer than its last tick.
         """

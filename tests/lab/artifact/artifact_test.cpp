@@ -131,7 +131,7 @@ TEST_F(ArtifactTest, ResumesBehindARowWithoutItsSeal) {
   }
 }
 
-// Goal: the schema beside the rows is theirs, whoever made the seals anew. Method: it is exchanged in an artifact that
+// Goal: the schema beside the rows is theirs, even with new seals. Method: it is exchanged in an artifact that
 // has no seal yet.
 TEST_F(ArtifactTest, TheSchemaFileIsTheOneThatTheManifestNames) {
   write_artifact(folder, manifest, {rows[0]});
@@ -141,7 +141,7 @@ TEST_F(ArtifactTest, TheSchemaFileIsTheOneThatTheManifestNames) {
 }
 
 // Goal: the tool that finishes an artifact takes no row that it did not write. Method: a finished artifact is made
-// unfinished by hand, as somebody who wants other rows does it, and gone on with.
+// unfinished by hand, as a forger who wants other rows does it, and gone on with.
 TEST_F(ArtifactTest, EditedRowsAreNotSealedByGoingOn) {
   write_artifact(folder, manifest, rows);
   const std::string file = folder + "/rollouts.jsonl", id = artifact_id_of(manifest, rows);

@@ -32,7 +32,7 @@ class Episodes : public monitor::TemporaryFolder {
       const std::function<bool(std::uint64_t)>& keeps = [](std::uint64_t) { return true; }) const {
     return monitor::altered_copy(run(), path("altered"), tick, command, keeps);
   }
-  // As somebody writes it who makes checksums, too.
+  // As a forger writes it who makes checksums, too.
   std::string refusal_of_forged(const std::function<void(TickRecord&)>& tick,
                                 const std::function<void(RecordedCommand&)>& command) {
     const auto all = [](std::uint64_t) { return true; };

@@ -50,7 +50,7 @@ TEST_F(LerobotDataSet, FeaturesAreNamedByJointWithUnits) {
   EXPECT_EQ(origin.at("last_tick"), 234);
 }
 
-// After a change of policy in the run, the manifest speaks of somebody else.
+// After a change of policy in the run, the manifest speaks of another policy.
 TEST_F(LerobotDataSet, AnEpisodeNamesThePolicyThatMovedIt) {
   RunEpisodes run = small_run();
   run.episodes.push_back(run.episodes.front());

@@ -102,7 +102,7 @@ TEST_F(AttestationTest, NoneOrOneThatIsGoneShowsNothing) {
   EXPECT_TRUE(standing_of(asked).not_shown.empty()) << "an arm on its table does not fall";
 }
 
-// Whoever turns a fall into a stand, or a seed into two, has to make the hash anew; and then the bound is counted.
+// A forger who turns a fall into a stand, or a seed into two, has to make the hash anew; and then the bound is counted.
 TEST_F(AttestationTest, EveryChangedByteIsNoticed) {
   const std::string text = attestation_text(whole);
   for (const std::string_view part : {"\"stood\":true", "00ff17", "6.5", "operator_stop\"", "balancer", "30 of 30",

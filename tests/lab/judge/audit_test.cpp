@@ -156,7 +156,7 @@ TEST_F(AuditTest, ARegistrationThatHoldsMakesItReady) {
 }
 
 // Goal: whatever is done to a kept recording of a sealed artifact is missing by name. Method: each of its files
-// altered, cut, taken away, made a pipe, in turn; what came to lie beside them later is nobody's business.
+// altered, cut, taken away, made a pipe, in turn; what came to lie beside them later does not count.
 TEST_F(AuditTest, EveryFileOfAKeptRunFolderIsSealed) {
   const std::string place = "runs/reach.none@0.fast.s1/run";
   rows[0].run_folder = place;

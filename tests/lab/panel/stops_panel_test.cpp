@@ -94,7 +94,7 @@ TEST_F(StopsPanel, HoldingTheWheelsIsRefusedAsEvidence) {
       << "and it is not what the file says";
 }
 
-// Goal: an attestation that nobody's panel gave is found, and so is one that leaves out a fall. Method: of a method of
+// Goal: an attestation that no panel gave is found, and so is one that leaves out a fall. Method: of a method of
 // which no rollout stands, one that says that all do; of one that stands, a trial less; both computed anew.
 TEST_F(StopsPanel, AnInventedAttestationIsFound) {
   const auto again = [&](const Attestation& said) {

@@ -95,7 +95,7 @@ TEST(MarginReport, AJointWithoutALoopHasOneLine) {
 }
 
 // Goal: the smaller of a joint's two phase margins says whether it rings, and the sentence names joint, margin and what
-// mends it. Method: 30 degrees from both sides, each of the two the smaller one.
+// corrects it. Method: 30 degrees from both sides, each of the two the smaller one.
 TEST(MarginReport, BelowThirtyDegreesAJointRings) {
   const config::RobotConfig robot;
   const double limit = kLeastPhase_rad;

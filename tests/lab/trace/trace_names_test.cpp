@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: whoever reads Takt's traces by name reads names that exist. Method: the provider's header is the source. The
+// Goal: a reader of Takt's traces by name finds names that exist. Method: the provider's header is the source. The
 // events and fields it defines are compared with the list the review reads by; every event, field, mode and defined
 // value that the Trace Compass analysis (docs/trace-compass/takt.xml) speaks of is looked up; docs/tracing.md must
 // explain every event and field.

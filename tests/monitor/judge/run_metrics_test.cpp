@@ -56,7 +56,7 @@ TEST_F(RunMetricsTest, CountsAreTheTicksOwn) {
 }
 
 // Goal: the evidence says for how long nothing would have taken over. Method: records of a robot whose fallback
-// policy attached, fell silent while tracking, and one of standby, where nobody needs it.
+// policy attached, fell silent while tracking, and one of standby, where it is not needed.
 // Goal: no word in a record makes ticks of a moving robot count as left out of quiet standby. Method: nine ticks
 // missing between two of a mode, with a loss that says so.
 TEST(MetricsCollector, OnlyStandbyIsLeftOutAsQuiet) {

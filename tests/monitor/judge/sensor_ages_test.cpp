@@ -72,7 +72,7 @@ TEST_F(SensorAgesTest, WhatNobodySensedAndWhoIsNotInChargeDoNotCount) {
   PolicyInputSample absent = sample(kTarget, 7, 0);
   absent.sequence = UINT64_MAX;
   answer(7, {absent, sample(9, 7, 50)});                  // a person who says nothing; no sensor of this robot
-  answer(8, {sample(kCamera, 8, 50)});                    // an observation that nobody recorded
+  answer(8, {sample(kCamera, 8, 50)});                    // an observation that was not recorded
   answer(7, {sample(kCamera, 7, 50)}, Player::fallback);  // not of the policy in charge
   EXPECT_TRUE(ages_.ages().empty());
 }

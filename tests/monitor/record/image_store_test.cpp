@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: an image that a policy was shown is a file that anybody can open and check by its name, once per content, never
+// Goal: an image that a policy was shown is a file that all can open and check by its name, once per content, never
 // more than the budget, the rate and the disk allow, and what was lost or altered since is told. Method: images of
 // every number of channels through the store into a folder of the test's, in time that is passed in; spoilt there.
 #include "monitor/record/image_store.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Goal: what a policy's host says of its inputs is kept bit for bit, what it cannot have meant is counted and never
-// believed, and what nobody read in time is declared. Method: payloads of random shape through encode and decode; a
+// believed, and what was not read in time is declared. Method: payloads of random shape through encode and decode; a
 // ring written here, well and badly, read by the stream; one run folder.
 #include <gtest/gtest.h>
 

@@ -12,7 +12,7 @@
 namespace takt::monitor {
 
 inline constexpr std::uint64_t kDemoTicks = 4'000;
-inline constexpr std::uint64_t kDemoMark = 700;  // tick that somebody marked
+inline constexpr std::uint64_t kDemoMark = 700;  // tick that the operator marked
 
 // Records `ticks` ticks of `robot` into `directory`, through rings and recorder as takt-monitor does, and returns the
 // run, opened. `before(tick)` is called every 20 ticks.

@@ -31,7 +31,7 @@
 namespace {
 
 // Whose pages the medium refuses, and how often it still takes them before.
-std::string refused_file;  // empty: nobody's
+std::string refused_file;  // empty: none
 int taken_before = 0;
 
 }  // namespace
@@ -313,7 +313,7 @@ TEST_F(RecorderTest, AFullDiskStopsRecordingWithADeclaredLoss) {
   {
     auto stream = attach();
     const auto recorder = start(disk + "/run");
-    std::ofstream(disk + "/filler") << std::string(600'000, 'x');  // somebody else's file
+    std::ofstream(disk + "/filler") << std::string(600'000, 'x');  // another process's file
     expect_declared_stop(disk + "/run", *recorder, stream);
     EXPECT_NE(recorder->stop_reason().find("No space left"), std::string::npos) << recorder->stop_reason();
     EXPECT_TRUE(replay(opened(disk + "/run"), 1)->file.finished) << "the reserve had room for the index";

@@ -91,7 +91,7 @@ TEST(OtlpSender, DoesNotRepeatWhatIsRefused) {
 TEST(OtlpSender, AReceiverThatIsAwayCostsBoundedMemoryAndNoWaiting) {
   OtlpSender::Patience patience = kImpatient;
   patience.most_waiting_bytes = 1000;
-  OtlpSender sender("http://127.0.0.1:1", patience);  // port 1: nobody listens
+  OtlpSender sender("http://127.0.0.1:1", patience);  // port 1: no process listens
   for (int i = 0; i < 100; ++i) sender.post(OtlpSignal::traces, std::string(100, 'x'));
   EXPECT_EQ(sender.deliveries().overflowed, 90U);
 }

@@ -160,7 +160,7 @@ TEST_F(ByOnnxRuntime, WhatIsWrongWithTheFileIsNotHandedOver) {
   }
 }
 
-// The reshape's target is chosen when it runs, so that nobody can tell how many steps the LSTM takes.
+// The reshape's target is chosen when it runs, so that it is unknown how many steps the LSTM takes.
 TEST_F(ByOnnxRuntime, WhereItCannotBeToldWhetherMemoryIsLostTheLogSaysSo) {
   auto maker = forgetful(8);
   onnx::TensorProto truth;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Goal: a LEAPP bundle becomes a robot file without a guess, runs as its author's network does, and is refused where a
-// value would be somebody else's. Method: a bundle of the shapes of a published one, made by make_bundle.py; its robot
+// value would be another term's. Method: a bundle of the shapes of a published one, made by make_bundle.py; its robot
 // file as imported, filled in; ONNX Runtime fed by hand, tensor by tensor, over 10,000 observations with a reset; one
 // deviation at a time.
 #include <gtest/gtest.h>

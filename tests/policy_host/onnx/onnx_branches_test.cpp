@@ -92,7 +92,7 @@ TEST(Branches, AreRefusedWhereTheyCannotBeEvaluated) {
   GraphMaker by_number = choosing();
   by_number.graph().mutable_node(1)->set_input(0, "truth");
   EXPECT_NE(by_number.refusal(), "");
-  // What one branch made nobody finds outside.
+  // What one branch made is not found outside.
   GraphMaker outside = choosing();
   outside.graph().mutable_node(1)->set_output(0, "chosen out");
   outside.node("Tanh", {"inner"}, {"out"});

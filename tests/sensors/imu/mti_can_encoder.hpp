@@ -25,7 +25,7 @@ inline std::uint16_t fixed_point(float value, int fraction_bits) {
   return static_cast<std::uint16_t>(static_cast<std::int16_t>(std::lround(std::ldexp(value, fraction_bits))));
 }
 
-// Group Counter, Quaternion, Rate of Turn, Acceleration. 1 is no number that a quaternion's fifteen fraction bits have.
+// Group Counter, Quaternion, Rate of Turn, Acceleration. A quaternion's fifteen fraction bits cannot represent 1.
 inline std::array<drivers::CanFrame, 4> mti_group(const MtiSays& says,
                                                   const std::array<std::uint32_t, 4>& ids = {6, 0x21, 0x32, 0x34}) {
   const auto unit = [&says](int i) { return fixed_point(std::min(says.q[i], 32767.0F / 32768), 15); };

@@ -49,7 +49,7 @@ inline Bytes message(std::uint8_t id, const Bytes& data, bool has_long_length = 
   return all;
 }
 
-// float32, ENU; with a status word, which nobody asked for.
+// float32, ENU; with a status word, which was not requested.
 inline Bytes mtdata2(const MtiSays& says) {
   Bytes data;
   add_big(data, 0x102002, 3);

@@ -35,7 +35,7 @@ using namespace std::chrono_literals;
 // that are none.
 enum class Health { well, frozen, late, garbage };
 
-// 200 samples a second, level, a little noise. Whoever derives from it calls fall_silent() first of all when it ends.
+// 200 samples a second, level, a little noise. A derived class calls fall_silent() first of all when it ends.
 class SimulatedMti {
  public:
   virtual ~SimulatedMti() = default;

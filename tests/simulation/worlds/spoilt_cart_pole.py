@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/examples/python-world/cart_pole.py, which after two seconds spoils what its seed says: 2 hangs, 3 dies, 4 says nonsense, 5 raises,
+"""docs/examples/python-world/cart_pole.py, which after two seconds spoils what its seed says: 2 hangs, 3 dies, 4 sends invalid answers, 5 raises,
 6 loses, 7 is done; the others go on. Usage: spoilt_cart_pole.py SOCKET [done: it says when the task is done]"""
 import importlib.util
 import os

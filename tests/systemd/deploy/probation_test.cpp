@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Goal: a deployment passes only by tracking for its whole watch; everything else fails it or leaves it unproven.
 // Method: statuses by the tenth of a second from a script, one letter each:
-//   - nobody answers   p no policy yet   s standby   a arming   t tracking   d degraded   x damped stop   f fault
+//   - no answer        p no policy yet   s standby   a arming   t tracking   d degraded   x damped stop   f fault
 //   R the executive counts its ticks anew   m standby and no monitor   u tracking and no monitor
 //   w standby and no fallback policy   v tracking and no fallback policy
 #include "systemd/deploy/probation.hpp"

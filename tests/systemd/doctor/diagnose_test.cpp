@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: every fact that stands between a machine and a punctual loop is named with the right verdict and a way to mend
+// Goal: every fact that stands between a machine and a punctual loop is named with the right verdict and how to correct
 // it, and a good machine hears no complaint. Method: a snapshot of a machine without fault; each case plants one fact
 // and expects exactly one finding to change.
 #include "systemd/doctor/diagnose.hpp"
@@ -282,7 +282,7 @@ TEST(Diagnose, BitTimingIsComparedWhereTheRobotFileGivesIt) {
   EXPECT_EQ(found[0].found, "sample point 0.750, the robot file says 0.875");
 }
 
-// Goal: a drive that need not stop by itself is never passed over in silence.
+// Goal: a drive that has no command timeout is never passed over in silence.
 TEST(Diagnose, AWatchdogWaiverIsAWarningThatRepeatsItsReason) {
   auto robot = arm();
   robot.joints[2].drive.watchdog_waiver = "seen to stop within 100 ms";

@@ -42,7 +42,7 @@ class PlantedProbe : public testing::Test {
   void plant_stat(const std::string& text) const { std::ofstream(root_ + "/proc/stat") << text; }
   [[nodiscard]] std::string stat() const { return root_ + "/proc/stat"; }
 
-  // Returns once a reader waits in open(). Not open: nobody came within ten seconds.
+  // Returns once a reader waits in open(). Not open: no reader came within ten seconds.
   [[nodiscard]] static ipc::Descriptor open_when_read(const std::string& fifo) {
     for (int attempt = 0; attempt < 10'000; ++attempt) {
       ipc::Descriptor writer(open(fifo.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC));
@@ -128,7 +128,7 @@ TEST_F(PlantedProbe, WhyTheCountOfSmisCouldNotBeRead) {
   EXPECT_EQ(read_interference(root_, {}).smis, 4U) << "no core is named: core 0";
   fs::permissions(msr, fs::perms::none);
   const bool as_root = geteuid() == 0;
-  ASSERT_TRUE(!as_root || seteuid(65534) == 0);  // nobody
+  ASSERT_TRUE(!as_root || seteuid(65534) == 0);  // an unprivileged user
   EXPECT_EQ(read_interference(root_, 0).smi_counter, SmiCounter::refused);
   ASSERT_TRUE(!as_root || seteuid(0) == 0);
 }
@@ -143,7 +143,7 @@ TEST_F(PlantedProbe, StolenTimeIsOfTheCoreOrOfAll) {
   EXPECT_FALSE(read_interference(root_, 3).stolen_ms.has_value()) << "no such core";
 }
 
-// The other cores' time, in which a machine without load betrays itself; waiting for a disk is idle.
+// The other cores' time, in which a machine without load shows itself; waiting for a disk is idle.
 TEST_F(PlantedProbe, TheOthersTimeIsWithoutTheMeasuredCore) {
   plant_stat(
       "cpu 1 1 1 1 1 1 1 300 0 0\ncpu0 10 20 30 40 50 1 2 3 0 0\ncpu1 900 0 0 0 0 0 0 0 0 0\ncpu2 1 0 0 9 0 0 0 0\n");

@@ -189,7 +189,7 @@ Cia402DriveSettings patient() {
   return made;
 }
 
-// Goal: "enabled" is not enough: a drive that says it ignores its target is let go, and stays so until it was disabled.
+// Goal: "enabled" is not enough: a drive that says it ignores its target is released until it was disabled.
 TEST(Cia402Driver, ADriveThatIgnoresItsTargetIsAFault) {
   constexpr std::uint32_t kIgnores = kOperation & ~0x1000U;
   Bench bench(patient());

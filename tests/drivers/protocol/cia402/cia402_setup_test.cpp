@@ -289,7 +289,7 @@ TEST(Cia402Setup, NeitherDeadlineNorHeartbeatIsRefusedUnlessWaived) {
   idle.agree_with({0x6007, 0});
   idle.answer(sdo_answer(idle.agree_until({0x6007, 0}), 0x4B, 0));
   EXPECT_NE(name_of(idle.setup).find("object 6007:00"), std::string::npos) << name_of(idle.setup);
-  // 1 is a fault, 3 a quick stop: both end the torque. 4 is nobody's.
+  // 1 is a fault, 3 a quick stop: both end the torque. 4 is neither.
   for (const std::uint32_t reaction : {1U, 3U, 4U}) {
     Conversation other;
     other.answer(sdo_answer(other.agree_until({0x1400, 5}), 0x80, 0x06090011));

@@ -74,7 +74,7 @@ class Bench {
 
 constexpr DriveSetpoint kPush{.q = 0, .dq = 0, .kp = 0, .kd = 0, .tau = 2};
 
-// Goal: a drive whose time-out nobody can read is not armed on trust. Method: a drive at rest that would obey.
+// Goal: a drive whose time-out cannot be read is not armed on trust. Method: a drive at rest that would obey.
 TEST(OdriveDriver, NeedsAWaiverSinceItsTimeoutCannotBeRead) {
   Bench bench({}, false);
   bench.estimates();
@@ -129,7 +129,7 @@ TEST(OdriveDriver, EnabledByTheDrivesOwnWord) {
 TEST(OdriveDriver, AHeartbeatFromBeforeTheRequestProvesNothing) {
   Bench bench;
   bench.estimates();
-  bench.heartbeat(8);  // left enabled by somebody else
+  bench.heartbeat(8);  // left enabled by another host
   for (int tick = 0; tick < 20; ++tick) {
     const CanFrame frame = bench.encode(true, kPush);
     EXPECT_NE(word(frame), "torque") << tick;
@@ -210,7 +210,7 @@ TEST(OdriveDriver, AMissingHeartbeatIsAFault) {
   EXPECT_EQ(word(bench.encode(true, kPush)), "idle") << "until disabled";
 }
 
-// Goal: a drive that counts from wherever it was switched on is enabled on somebody's word of where it is, only while
+// Goal: a drive that counts from wherever it was switched on is enabled on the user's word of where it is, only while
 // it reads so, and no longer than it is heard. Method: a quarter turn is what it reads.
 TEST(OdriveDriver, SomebodysWordIsItsHomeUntilItFallsSilent) {
   constexpr float kQuarterTurn = 1.5708F;

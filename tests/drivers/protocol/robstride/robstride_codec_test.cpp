@@ -26,7 +26,7 @@ RobstrideRange range_of(const config::DrivePreset& preset) {
           static_cast<float>(preset.kd), static_cast<float>(preset.torque)};
 }
 
-// RS04's is nobody's preset: position, velocity, kp, kd, torque.
+// RS04's is no preset: position, velocity, kp, kd, torque.
 constexpr RobstrideRange kRs04{12.566370614359172F, 15, 5000, 100, 120};
 
 RobstrideRange preset(std::string_view model) {
