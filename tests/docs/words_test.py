@@ -5,14 +5,18 @@ Method: README.md, the other pages beside it and docs/*.md are read without code
 read for single words only. No paragraph or list item has more than 90 words. No sentence has more than 45, and of a
 page's sentences nine of ten have at most 30. No word of INSTEAD_OF is used. Each sentence begins on a line of its own,
 of at most 120 columns. A span of code counts as one word. In the sources of the programs the strings are read for the
-words of INSTEAD_OF: keys, help, messages. No sentence of a key's text has more than 25 words.
+words of INSTEAD_OF: keys, help, messages. No sentence of a key's text has more than 25 words. Of all sources in C++,
+C, Python, JavaScript and of every CMakeLists.txt, tests included, comments and docstrings are read for these words.
 Usage: words_test.py REPOSITORY [PAGE...]. Exit codes: 0 fine, 1 not: a line per finding, with file, line and how to
 correct it.
 """
+import io
 import math
 import pathlib
 import re
+import subprocess
 import sys
+import tokenize
 
 MOST_WORDS_OF_A_PARAGRAPH = 90
 MOST_WORDS_OF_A_SENTENCE = 45
@@ -33,6 +37,12 @@ PRINTED_PARTS = {
 }
 ROOMS = ("executive", "config", "dds", "drivers", "policy_host", "client", "sensors", "monitor", "simulation", "evidence", "lab", "systemd", "cli")
 RECORDED = {"monitor/record/tick_schema.cpp"}  # its words are in every run folder
+
+COMMENTED = (".cpp", ".hpp", ".h", ".py", ".mjs", ".js", "CMakeLists.txt")  # ends of the names of sources
+# Of C++, C and JavaScript: a comment, or a string in which no comment begins. The ' of 1'000 begins none.
+COMMENT_OR_STRING = re.compile(r"""//[^\n]*|/\*(?:.|\n)*?\*/
+                                   |R"([^()\\ ]{0,16})\((?:.|\n)*?\)\1"|"(?:[^"\\\n]|\\.)*"
+                                   |(?<![0-9A-Fa-f])'(?:[^'\\\n]|\\.)+'|`(?:[^`\\]|\\.)*`""", re.VERBOSE)
 
 # A release has at most 40 lines (pages_test.py): its lines are long and hold several sentences.
 LONG_LINES = {"CHANGELOG.md"}
@@ -191,6 +201,40 @@ def findings_in_sources(root):
             yield from unused_words(name, strings(path))
 
 
+def comments(path):
+    """(line number, text) of each comment and docstring of a source; one text may have several lines."""
+    text = path.read_text()
+    if path.suffix == ".py":
+        begins = True  # a statement, and a string that is one by itself is a docstring
+        for token in tokenize.generate_tokens(io.StringIO(text).readline):
+            if token.type == tokenize.COMMENT or begins and token.type == tokenize.STRING:
+                yield token.start[0], token.string
+            if token.type not in (tokenize.COMMENT, tokenize.NL):
+                begins = token.type in (tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT)
+    elif path.suffix == ".txt":
+        for found in re.finditer(r"(?<!\S)#.*", text):
+            yield text.count("\n", 0, found.start()) + 1, found[0]
+    else:
+        for found in COMMENT_OR_STRING.finditer(text):
+            if found[0].startswith(("//", "/*")):
+                yield text.count("\n", 0, found.start()) + 1, found[0]
+
+
+def sources(root):
+    """Those that git knows; without git those that are there."""
+    listed = subprocess.run(["git", "-C", str(root), "ls-files"], capture_output=True, text=True)
+    paths = listed.stdout.splitlines() or [path.relative_to(root).as_posix() for path in root.rglob("*")]
+    named = (path for path in paths if path.endswith(COMMENTED) and not {"build", "node_modules"} & set(path.split("/")))
+    return sorted(path for path in named if (root / path).is_file())
+
+
+def findings_in_comments(root):
+    for name in sources(root):
+        if name not in RECORDED:
+            for number, text in comments(root / name):
+                yield from unused_words(name, enumerate(text.split("\n"), number))
+
+
 def long_keys(root):
     """Of the table that `takt config keys` prints: a semicolon ends a sentence there."""
     for number, line in enumerate((root / "docs/configuration.md").read_text().splitlines(), 1):
@@ -204,7 +248,8 @@ def main():
     root = pathlib.Path(sys.argv[1])
     pages = [root / page for page in sys.argv[2:]] or [*sorted(root.glob("*.md")), *sorted((root / "docs").glob("*.md"))]
     found = [finding for page in pages for finding in findings(root, page)]
-    found += [] if sys.argv[2:] else [*findings_in_sources(root), *long_keys(root)]
+    if not sys.argv[2:]:
+        found += [*findings_in_sources(root), *findings_in_comments(root), *long_keys(root)]
     print("\n".join(found) or f"{len(pages)} pages in short sentences and plain words")
     return 1 if found else 0
 
