@@ -29,6 +29,16 @@ std::string where_of(const FieldPlace& place, const RunManifest& manifest) {
   return {};
 }
 
+std::string made_by_other_sources(const nlohmann::ordered_json& executive) {
+  const auto text = [&](const char* key) {
+    const auto found = executive.find(key);
+    return found != executive.end() && found->is_string() ? found->get<std::string>() : std::string();
+  };
+  if (!executive.is_object()) return {};
+  const std::string sources = text("source_sha256");
+  return sources.empty() || sources == source_sha256() ? "" : config::printable(text("version"));
+}
+
 class Replayer {
  public:
   Replayer(const RecordedRun& run, std::uint64_t from, std::uint64_t start_behind)
@@ -37,7 +47,25 @@ class Replayer {
         state_(pipeline::make_tick_state(config_)),
         from_(from),
         start_behind_(start_behind),
+        is_of_other_build_(!made_by_other_sources(run.manifest.executive).empty()),
         ready_(start_behind == 0) {}
+
+  // What the run's ticks lack is no part of the comparison; empty: they can be replayed, else half a sentence.
+  std::string adapt(const OtherTickLayout& layout) {
+    if (!layout.unknown.empty()) return fmt::format("hold `{}`, which this version does not know", layout.unknown[0]);
+    for (const std::string& name : layout.lacking) {
+      const auto is_named = [&](const TickField& field) { return field.name == name; };
+      for (const auto& [fields, of_joints] :
+           {std::pair{header_fields(), false}, {bus_fields(), false}, {joint_fields(), true}}) {
+        const auto field = std::ranges::find_if(fields, is_named);
+        if (field == fields.end()) continue;
+        if (field->role == FieldRole::input) return fmt::format("lack `{}`, which decides", name);
+        (of_joints ? lacking_of_joints_ : lacking_).push_back(*field);
+        report_.not_compared.push_back(name);
+      }
+    }
+    return {};
+  }
 
   void command(const RecordedCommand& command) {
     if (command.tick <= start_behind_) return;
@@ -68,6 +96,7 @@ class Replayer {
     }
     if (report_.started_at == 0 && number >= from_) report_.started_at = number;
     pipeline::control_tick(*state_, *input, config_, *output_);
+    leave_out(tick.record);
     if (!whole || !is_equal(tick.record)) {
       blame(tick.record, !whole);
       ready_ = false;
@@ -83,6 +112,7 @@ class Replayer {
 
   std::expected<void, std::string> keyframe(const RecordedKeyframe& keyframe) {
     if (keyframe.tick < start_behind_) return {};
+    if (ready_ && is_of_other_build_ && !pipeline::is_of_this_layout(keyframe.state)) return {};
     if (ready_ && keyframe.tick == at_ && is_state(keyframe)) return {};
     if (auto loaded = pipeline::load(*state_, config_, keyframe.state); !loaded) return loaded;
     at_ = keyframe.tick;
@@ -108,6 +138,19 @@ class Replayer {
     altered_tick_ = tick.record.header.tick;
     tick.record = mended;
     return true;
+  }
+
+  // Of the recomputed tick: what the recorded one does not have.
+  void leave_out(const TickRecord& recorded) {
+    const auto copy = [](const TickField& field, const auto& from, auto& to) {
+      const auto bytes = std::as_bytes(std::span(&from, 1)).subspan(field.offset, size_of(field.type));
+      std::ranges::copy(bytes,
+                        std::as_writable_bytes(std::span(&to, 1)).begin() + static_cast<std::ptrdiff_t>(field.offset));
+    };
+    for (const TickField& field : lacking_) copy(field, recorded.header, output_->record.header);
+    for (const TickField& field : lacking_of_joints_)
+      for (std::size_t j = 0; j < std::min<std::size_t>(recorded.header.joint_count, kMaxJoints); ++j)
+        copy(field, recorded.joints[j], output_->record.joints[j]);
   }
 
   void lose_track() {
@@ -155,10 +198,12 @@ class Replayer {
   Bytes saved_;
   ReplayReport report_;
   std::uint64_t from_, start_behind_;
-  std::uint64_t read_ = 0;          // ticks in the file
-  std::uint64_t at_ = 0;            // tick the state is behind
-  std::uint64_t altered_tick_ = 0;  // newest tick whose record or command was altered
-  bool ready_;                      // the state is the one behind tick at_
+  std::uint64_t read_ = 0;                              // ticks in the file
+  std::uint64_t at_ = 0;                                // tick the state is behind
+  std::uint64_t altered_tick_ = 0;                      // newest tick whose record or command was altered
+  std::vector<TickField> lacking_, lacking_of_joints_;  // outputs
+  bool is_of_other_build_;
+  bool ready_;  // the state is the one behind tick at_
 };
 
 // Last keyframe before `from`; 0 when replay can, or must, begin with the file.
@@ -177,20 +222,6 @@ std::expected<std::uint64_t, std::string> start_behind(const RecordedRun& run, s
 
 }  // namespace
 
-namespace {
-
-std::string made_by_other_sources(const nlohmann::ordered_json& executive) {
-  const auto text = [&](const char* key) {
-    const auto found = executive.find(key);
-    return found != executive.end() && found->is_string() ? found->get<std::string>() : std::string();
-  };
-  if (!executive.is_object()) return {};
-  const std::string sources = text("source_sha256");
-  return sources.empty() || sources == source_sha256() ? "" : config::printable(text("version"));
-}
-
-}  // namespace
-
 std::expected<ReplayReport, std::string> replay(const RecordedRun& run, std::uint64_t from) {
   std::uint64_t behind = 0;
   if (from > 1) {
@@ -199,20 +230,22 @@ std::expected<ReplayReport, std::string> replay(const RecordedRun& run, std::uin
     behind = *found;
   }
   Replayer replayer(run, from, behind);
-  std::string refusal;
-  const auto scanned = scan_run(run, {.tick = [&](const RecordedTick& tick) { replayer.tick(tick); },
-                                      .command = [&](const RecordedCommand& command) { replayer.command(command); },
-                                      .keyframe =
-                                          [&](const RecordedKeyframe& keyframe) {
-                                            const auto loaded = replayer.keyframe(keyframe);
-                                            if (!loaded) refusal = loaded.error();
-                                          },
-                                      .loss = {}});
+  std::string refusal, other_ticks;
+  const auto scanned = scan_run(
+      run, {.tick = [&](const RecordedTick& tick) { replayer.tick(tick); },
+            .command = [&](const RecordedCommand& command) { replayer.command(command); },
+            .keyframe =
+                [&](const RecordedKeyframe& keyframe) {
+                  const auto loaded = replayer.keyframe(keyframe);
+                  if (!loaded) refusal = loaded.error();
+                },
+            .loss = {},
+            .other_tick_layout = [&](const OtherTickLayout& layout) { other_ticks = replayer.adapt(layout); }});
   if (!scanned) return std::unexpected(scanned.error());
-  if (scanned->is_of_other_layout)
+  if (!other_ticks.empty())
     return std::unexpected(
-        fmt::format("{} cannot be replayed bit for bit: its ticks hold other fields ({}); the version that made it can",
-                    run.folder.path(), whose(run.manifest.executive)));
+        fmt::format("{} cannot be replayed bit for bit: its ticks {} ({}); the version that made it can",
+                    run.folder.path(), other_ticks, whose(run.manifest.executive)));
   ReplayReport report = replayer.take_report();
   report.file = scanned->file;
   report.made_by = made_by_other_sources(run.manifest.executive);

@@ -7,7 +7,9 @@
 // is found even where the decision does not depend on the altered field; one flipped bit is located and named.
 // What the manifest says was recorded and the file no longer holds, at its end or between, is counted as missing; what
 // the recorder saw after it had to stop, as unrecorded.
-// Of a refused message of which only the header was kept, what was found in its values is taken from the record.
+// Of a run of an earlier version what this one records besides is not compared, nor are keyframes of another layout;
+// one that lacks an input, or holds what this version does not know, is refused. Of a refused message of which only the
+// header was kept, what was found in its values is taken from the record.
 #pragma once
 
 #include <cstdint>
@@ -15,6 +17,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "monitor/record/recorded_run.hpp"
 
@@ -43,6 +46,7 @@ struct ReplayReport {
   std::uint64_t started_at = 0;  // first tick judged; 0 none
   std::uint64_t last_tick = 0;   // that the file holds; 0 none
   std::string made_by;  // version of the executive, where it was built of other sources; empty: not so, or unknown
+  std::vector<std::string> not_compared;  // outputs that this version records and the run's did not yet
   std::optional<Mismatch> first;
   McapReport file;
   [[nodiscard]] bool reproduces() const { return mismatches == 0 && identical > 0 && file.damaged_chunks == 0; }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "config/printable.hpp"
 #include "evidence/review/replay.hpp"
@@ -48,6 +49,8 @@ std::string replay_text(const ReplayReport& report) {
         "folder\n",
         report.file.unread_bytes, report.last_tick);
   }
+  if (!report.not_compared.empty())
+    text += fmt::format("not compared, as the run has it not: {}\n", fmt::join(report.not_compared, ", "));
   if (report.mismatches != 0) text += fmt::format("{} do not reproduce; the first:\n", report.mismatches);
   if (report.first) text += "  " + mismatch_text(*report.first) + "\n";
   if (!report.made_by.empty())
@@ -72,6 +75,7 @@ nlohmann::ordered_json to_json(const ReplayReport& report) {
                               {"file_finished", report.file.finished},
                               {"damaged_chunks", report.file.damaged_chunks},
                               {"first_mismatch", nullptr}};
+  json["not_compared"] = report.not_compared;
   if (!report.made_by.empty()) json["made_by_other_sources"] = report.made_by;
   if (report.first) {
     json["first_mismatch"] = {{"tick", report.first->tick},

@@ -102,6 +102,8 @@ std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, 
 // Keyframes: the state's used part, so that replay can start anywhere. save returns the bytes written
 // (out.size() >= kMaxKeyframeBytes always suffices); load refuses anything inconsistent with one sentence.
 std::size_t save(const TickState& state, std::span<std::byte> out) noexcept;
+// False: another version of the pipeline made it, or it is no keyframe.
+bool is_of_this_layout(std::span<const std::byte> keyframe) noexcept;
 std::expected<void, std::string> load(TickState& state, const TickConfig& config, std::span<const std::byte> bytes);
 
 // To ask what another configuration would have decided, go on from a loaded state: `config` may remember more

@@ -211,6 +211,13 @@ std::size_t save(const TickState& state, std::span<std::byte> out) noexcept {
   return total;
 }
 
+bool is_of_this_layout(std::span<const std::byte> keyframe) noexcept {
+  KeyframeHeader header;
+  if (keyframe.size() < sizeof header) return false;
+  std::memcpy(&header, keyframe.data(), sizeof header);
+  return header.magic == kMagic && header.layout == kStateLayout;
+}
+
 std::expected<void, std::string> load(TickState& state, const TickConfig& config, std::span<const std::byte> bytes) {
   KeyframeHeader header;
   if (bytes.size() < sizeof(header)) return std::unexpected(refuse("cut short"));

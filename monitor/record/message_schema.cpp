@@ -67,6 +67,8 @@ std::string said(const MessageField& field) {
   return field.fixed_count == 1 ? field.type : fmt::format("{}[{}]", field.type, field.fixed_count);
 }
 
+constexpr std::string_view kReserved = "reserved";
+
 bool is_wider(std::string_view to, std::string_view from) {
   constexpr std::string_view kUnsigned = "uint";
   return to.starts_with(kUnsigned) && from.starts_with(kUnsigned) && element_size(to) > element_size(from);
@@ -108,7 +110,9 @@ std::expected<Relayout, std::string> Relayout::make(MessageSchema from, MessageS
     if (made.is_needed_ && field.type != kText && element_size(field.type) == 0)
       return std::unexpected(fmt::format("has `{}` as {}, which this version does not read", field.name, field.type));
   for (const MessageField& field : to.fields) {
-    const auto found = std::ranges::find(from.fields, field.name, &MessageField::name);
+    // Reserved bytes mean nothing, however many they were.
+    const auto found =
+        field.name == kReserved ? from.fields.end() : std::ranges::find(from.fields, field.name, &MessageField::name);
     made.source_.push_back(found == from.fields.end() ? kLacking
                                                       : static_cast<std::size_t>(found - from.fields.begin()));
     if (found == from.fields.end()) continue;

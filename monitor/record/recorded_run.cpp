@@ -101,6 +101,7 @@ class Scan {
       only_policy_plays_ = !has("player");
       words_.emplace(*recorded);
       report.is_of_other_layout |= words_->differ();
+      if (visitor_.other_tick_layout) tell_other_layout(recorded->fields, wanted->fields);
     }
     auto relayout = Relayout::make(std::move(*recorded), std::move(wanted.value()));
     if (!relayout) return refuse(reading, relayout.error());
@@ -108,6 +109,17 @@ class Scan {
     reading.schema = message.schema;
     report.is_of_other_layout |= reading.topic == Topic::tick && reading.relayout->is_needed();
     return true;
+  }
+
+  void tell_other_layout(const std::vector<MessageField>& recorded, const std::vector<MessageField>& wanted) const {
+    const auto beyond = [](const std::vector<MessageField>& these, const std::vector<MessageField>& those) {
+      std::vector<std::string> names;
+      for (const MessageField& field : these)
+        if (std::ranges::find(those, field.name, &MessageField::name) == those.end()) names.push_back(field.name);
+      return names;
+    };
+    OtherTickLayout layout{beyond(wanted, recorded), beyond(recorded, wanted)};
+    if (!layout.lacking.empty() || !layout.unknown.empty()) visitor_.other_tick_layout(layout);
   }
 
   bool refuse(const Reading& reading, const std::string& why) {

@@ -31,6 +31,12 @@ constexpr std::uint64_t missing_ticks(const RunManifest& manifest, std::uint64_t
   return manifest.ticks > read ? manifest.ticks - read : 0;
 }
 
+// How the ticks of a file are laid out other than this version lays them out, by fields of tick_schema().
+struct OtherTickLayout {
+  std::vector<std::string> lacking;  // zero in every tick
+  std::vector<std::string> unknown;  // of the file, and left out
+};
+
 // What a scan calls, in file order: a tick's command, the tick, its keyframe. Empty functions are skipped.
 struct RunVisitor {
   std::function<void(const RecordedTick&)> tick;
@@ -39,6 +45,7 @@ struct RunVisitor {
   std::function<void(const Loss&)> loss;
   std::function<void(const RecordedPolicyInput&)> policy_input = {};
   std::function<void(const ShownImage&)> image = {};
+  std::function<void(const OtherTickLayout&)> other_tick_layout = {};  // once, before the first tick
 };
 
 struct ScanReport {
