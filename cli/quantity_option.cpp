@@ -9,11 +9,17 @@
 
 namespace takt::cli {
 
+namespace {
+
+config::Unit unit_of(const std::string& symbol) {
+  return *std::ranges::find(config::units(), symbol, &config::Unit::symbol);
+}
+
+}  // namespace
+
 CLI::Option* add_quantity(CLI::App& command, const std::string& name, double& value, const std::string& unit,
                           const std::string& meaning) {
-  const auto known = std::ranges::find(config::units(), unit, &config::Unit::symbol);
-  const auto dimension = known->dimension;
-  const double factor = known->factor;
+  const auto [symbol, dimension, factor] = unit_of(unit);
   CLI::Option* const option = command.add_option(name, value, meaning);
   option->transform(CLI::Validator(
       [dimension, factor](std::string& text) -> std::string {
@@ -26,6 +32,39 @@ CLI::Option* add_quantity(CLI::App& command, const std::string& name, double& va
       ""));
   option->type_name(unit);
   return option;
+}
+
+CLI::Option* JointOption::add(CLI::App& command, const std::string& name, const Units& units,
+                              const std::string& meaning, std::optional<double> otherwise) {
+  name_ = name;
+  hinge_ = unit_of(units.hinge);
+  slide_ = unit_of(units.slide);
+  value_ = otherwise;
+  CLI::Option* const option = command.add_option_function<double>(
+      name, [this](const double& value) { value_ = value; }, meaning);
+  option->transform(CLI::Validator(
+      [this](std::string& text) -> std::string {
+        text_ = text;
+        if (config::parse_number(text)) return {};
+        const auto hinge = config::parse_quantity(text, hinge_.dimension);
+        const auto slide = config::parse_quantity(text, slide_.dimension);
+        if (!hinge && !slide) return hinge.error() + "; of a slide in " + config::symbols(slide_.dimension);
+        kind_ = hinge ? config::JointKind::hinge : config::JointKind::slide;
+        text = fmt::format("{}", hinge ? *hinge / hinge_.factor : *slide / slide_.factor);
+        return {};
+      },
+      ""));
+  option->type_name(units.hinge + "|" + units.slide);
+  if (otherwise) option->default_str(fmt::format("{}", *otherwise));
+  return option;
+}
+
+std::expected<std::optional<double>, std::string> JointOption::of(const config::Joint& joint) const {
+  const config::Unit& unit = joint.kind == config::JointKind::slide ? slide_ : hinge_;
+  if (kind_ && *kind_ != joint.kind)
+    return std::unexpected(fmt::format("{}: {}: {} {}", name_, config::parse_quantity(text_, unit.dimension).error(),
+                                       joint.name, joint.kind == config::JointKind::slide ? "slides" : "turns"));
+  return value_ ? std::optional(*value_ * unit.factor) : std::nullopt;
 }
 
 }  // namespace takt::cli

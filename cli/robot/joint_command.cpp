@@ -21,11 +21,12 @@
 #include "cli/json_line.hpp"
 #include "cli/quantity_option.hpp"
 #include "cli/robot/direct_bus.hpp"
+#include "config/joint_units.hpp"
 #include "config/load.hpp"
 #include "drivers/protocol/home_note.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "drivers/protocol/seen_angle.hpp"
-#include "drivers/tools/degrees.hpp"
+#include "drivers/protocol/shown_unit.hpp"
 #include "drivers/tools/joint_jog.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/contract/pace.hpp"
@@ -36,9 +37,7 @@ namespace {
 
 struct JointOptions {
   std::string joint, robot_file, runtime_dir;
-  double by_degrees = 5, torque = 0, speed_degrees = 10;
-  double saw = 0;
-  std::optional<double> saw_degrees{};
+  JointOption by, torque, speed, saw;
   bool json = false, without_gravity = false;
 };
 
@@ -68,7 +67,9 @@ class Drives {
           all ? drivers::make_joint_driver(robot.config, joint) : drivers::make_lone_driver(robot.config, joint);
       if (!driver) return std::unexpected(Refusal{config::kExitBadConfiguration, driver.error()});
       drive.driver = std::move(*driver);
-      if (notes[joint]) drive.driver->assume_home(static_cast<float>(notes[joint]->left_at), drivers::kMayHaveMoved);
+      if (notes[joint])
+        drive.driver->assume_home(static_cast<float>(notes[joint]->left_at),
+                                  drivers::may_have_moved(robot.config.joints[joint]));
       if (opened.buses_[drive.bus] != nullptr) continue;
       auto bus = open_bus(robot, drive.bus);
       if (!bus) return std::unexpected(bus.error());
@@ -161,29 +162,56 @@ std::string today() {
   return text.data();
 }
 
-// Asked for at a terminal only: elsewhere --saw says it.
-std::optional<double> seen_by_person(const drivers::JointJog& jog, const JointOptions& options) {
-  if (options.saw_degrees) return *options.saw_degrees * drivers::kDegree;
+// What was asked for, in base units.
+struct JogAsked {
+  drivers::JogWish wish;
+  std::optional<double> saw{};
+};
+
+std::expected<JogAsked, std::string> jog_asked(const JointOptions& options, const config::Joint& joint) {
+  const auto by = options.by.of(joint), speed = options.speed.of(joint), torque = options.torque.of(joint),
+             saw = options.saw.of(joint);
+  for (const auto* const each : {&by, &speed, &torque, &saw})
+    if (!*each) return std::unexpected(each->error());
+  const double most = joint.limits.torque;
+  const drivers::JogWish wish{.by = by->value(), .speed = speed->value(), .torque = torque->value_or(0.1 * most)};
+  if (wish.torque > most)
+    return std::unexpected(fmt::format("--torque {0} {2} exceeds limits.torque {1} {2} of {3}", wish.torque, most,
+                                       config::kJointTorque.unit(joint.kind), joint.name));
+  return JogAsked{wish, *saw};
+}
+
+bool slides(const config::Joint& joint) {
+  return joint.kind == config::JointKind::slide;
+}
+
+// JogAsked for at a terminal only: elsewhere --saw says it.
+std::optional<double> seen_by_person(const config::Joint& joint, const drivers::JointJog& jog, const JogAsked& asked,
+                                     const JointOptions& options) {
+  if (asked.saw) return asked.saw;
   if (options.json || ::isatty(STDIN_FILENO) == 0) return std::nullopt;
-  fmt::print("joint {}: which angle did you see, in degrees? Its drive told {:+.1f}; Enter alone: not judged\n",
-             options.joint, jog.moved() / drivers::kDegree);
+  const double size = drivers::shown_unit(joint.kind).size;
+  fmt::print("joint {}: {}? Its drive told {:+.1f}; Enter alone: not judged\n", options.joint,
+             slides(joint) ? "how far did you see it move, in mm" : "which angle did you see, in degrees",
+             jog.moved() / size);
   std::fflush(stdout);
   std::string line;
   double seen = 0;
   if (!std::getline(std::cin, line) || !(std::istringstream(line) >> seen) || !std::isfinite(seen)) return std::nullopt;
-  return seen * drivers::kDegree;
+  return seen * size;
 }
 
 // An eye on the joint outweighs what a drive writes of itself.
 void judge_by_eye(const DirectRobot& robot, std::size_t joint, const drivers::JointJog& jog, double seen,
                   Judgement& judged) {
   const drivers::SeenAngle angle{jog.moved(), seen, today()};
-  judged.failure = drivers::contradicted_by_eye(robot.config.joints[joint].drive, angle);
+  judged.failure = drivers::contradicted_by_eye(robot.config.joints[joint], angle);
   judged.exit_code = judged.failure.empty() ? kExitOk : kExitWrongScale;
   const auto kept = drivers::keep_seen_angle(robot.runtime_directory, robot.config, joint,
                                              judged.failure.empty() ? std::optional(angle) : std::nullopt);
   judged.notes.push_back(!kept                    ? kept.error()
-                         : judged.failure.empty() ? "its scale is the robot file's: " + drivers::text_of(angle)
+                         : judged.failure.empty() ? "its scale is the robot file's: " +
+                                                        drivers::text_of(robot.config.joints[joint].kind, angle)
                                                   : "nothing is kept of its scale");
 }
 
@@ -197,16 +225,18 @@ void judge_by_drive(const DirectRobot& robot, std::size_t joint, const drivers::
   const std::string believed = jog.believed();
   if (believed.empty()) return;
   if (const auto before = drivers::seen_angle(robot.runtime_directory, robot.config, joint)) {
-    judged.notes.push_back("its scale is the robot file's: " + drivers::text_of(*before));
+    judged.notes.push_back("its scale is the robot file's: " +
+                           drivers::text_of(robot.config.joints[joint].kind, *before));
     return;
   }
   judged.exit_code = kExitNotSeen;
-  judged.notes.push_back(
-      fmt::format("{} {} not judged: no drive tells it. Which angle did you see? Jog again with --saw ANGLE", believed,
-                  believed.find(" and ") == std::string::npos ? "is" : "are"));
+  judged.notes.push_back(fmt::format(
+      "{} {} not judged: no drive tells it. {}", believed, believed.find(" and ") == std::string::npos ? "is" : "are",
+      slides(robot.config.joints[joint]) ? "How far did you see it move? Jog again with --saw LENGTH"
+                                         : "Which angle did you see? Jog again with --saw ANGLE"));
 }
 
-Judgement judge(const DirectRobot& robot, std::size_t joint, const drivers::JointJog& jog,
+Judgement judge(const DirectRobot& robot, std::size_t joint, const drivers::JointJog& jog, const JogAsked& asked,
                 const JointOptions& options) {
   Judgement judged;
   // A move that was cut short says nothing about scales.
@@ -222,31 +252,35 @@ Judgement judge(const DirectRobot& robot, std::size_t joint, const drivers::Join
                                            velocity.scale, 100 * velocity.uncertainty)
                              : velocity.sentence);
   if (const auto own = jog.own_scale()) judged.notes.push_back(own->sentence);
-  if (const auto seen = seen_by_person(jog, options))
+  if (const auto seen = seen_by_person(robot.config.joints[joint], jog, asked, options))
     judge_by_eye(robot, joint, jog, *seen, judged);
   else
     judge_by_drive(robot, joint, jog, judged);
   return judged;
 }
 
-int report(const drivers::JointJog& jog, const Judgement& judged, const JointOptions& options) {
+int report(const config::Joint& joint, const drivers::JointJog& jog, const Judgement& judged,
+           const JointOptions& options) {
   if (options.json) {
+    const std::string unit(config::kJointPosition.unit(joint.kind));
     const double scale = jog.velocity_scale().scale;
     const nlohmann::ordered_json line{
         {"joint", options.joint},
-        {"from_rad", jog.started_at()},
-        {"moved_rad", jog.moved()},
-        {"asked_rad", jog.target() - jog.started_at()},
+        {"from_" + unit, jog.started_at()},
+        {"moved_" + unit, jog.moved()},
+        {"asked_" + unit, jog.target() - jog.started_at()},
         {"velocity_scale", scale == 0 ? nlohmann::ordered_json() : nlohmann::ordered_json(scale)},
         {"failure", judged.failure},
         {"notes", judged.notes}};
     fmt::print("{}\n", json_line(line));
     return judged.exit_code;
   }
+  const drivers::ShownUnit shown = drivers::shown_unit(joint.kind);
   if (jog.failure().empty())
-    fmt::print("joint {}: asked for {:+.2f} deg, moved {:+.2f} deg, from {:.2f} to {:.2f} deg; drive disabled again\n",
-               options.joint, (jog.target() - jog.started_at()) / drivers::kDegree, jog.moved() / drivers::kDegree,
-               jog.started_at() / drivers::kDegree, (jog.started_at() + jog.moved()) / drivers::kDegree);
+    fmt::print(
+        "joint {0}: asked for {1:+.2f} {5}, moved {2:+.2f} {5}, from {3:.2f} to {4:.2f} {5}; drive disabled again\n",
+        options.joint, (jog.target() - jog.started_at()) / shown.size, jog.moved() / shown.size,
+        jog.started_at() / shown.size, (jog.started_at() + jog.moved()) / shown.size, shown.symbol);
   for (const std::string& note : judged.notes) fmt::print("joint {}: {}\n", options.joint, note);
   if (!judged.failure.empty()) fmt::print(stderr, "joint {}: {}\n", options.joint, judged.failure);
   return judged.exit_code;
@@ -265,26 +299,18 @@ std::expected<int, Refusal> jog(const JointOptions& options) {
   if (joint.passive)
     return std::unexpected(
         Refusal{kExitUsage, fmt::format("{} is passive: nothing can move it; name a driven joint", joint.name)});
-  if (joint.kind == config::JointKind::slide)
-    return std::unexpected(
-        Refusal{kExitUsage,
-                fmt::format("{} slides, and jog moves by degrees; name a hinge, or move it by a policy", joint.name)});
-  const double most = joint.limits.torque;
-  const double torque = options.torque > 0 ? options.torque : 0.1 * most;
-  if (torque > most)
-    return std::unexpected(
-        Refusal{kExitUsage, fmt::format("--torque {} Nm exceeds limits.torque {} Nm of {}", torque, most, joint.name)});
+  const auto wished = jog_asked(options, joint);
+  if (!wished) return std::unexpected(Refusal{kExitUsage, wished.error()});
   const bool carries = robot->config.model.has_value() && !options.without_gravity;
   auto drives = Drives::open(*robot, *index, carries, notes);
   if (!drives) return std::unexpected(drives.error());
-  const drivers::JogWish wish{options.by_degrees * drivers::kDegree, options.speed_degrees * drivers::kDegree, torque};
-  drivers::JointJog moving(joint, wish, drives->driver(*index),
+  drivers::JointJog moving(joint, wished->wish, drives->driver(*index),
                            carries ? gravity_at(*index, robot->config, *drives) : drivers::GravityTerm());
   const auto permission = permit_torque(robot->config);
   if (!permission) return std::unexpected(permission.error());
   run(moving, *index, *drives, robot->config.control.period);
   if (const auto& note = notes[*index]) keep_home(*robot, *index, *note, drives->driver(*index).feedback());
-  return report(moving, judge(*robot, *index, moving, options), options);
+  return report(joint, moving, judge(*robot, *index, moving, *wished, options), options);
 }
 
 }  // namespace
@@ -298,30 +324,27 @@ void add_joint(CLI::App& app, int& exit_code) {
   command->add_option("--robot", options->robot_file, "robot file")->required();
   command->add_option("--runtime-dir", options->runtime_dir,
                       "where loopback buses are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
-  add_quantity(*command, "--by", options->by_degrees, "deg", "how far, joint side, signed")->capture_default_str();
-  add_quantity(*command, "--speed", options->speed_degrees, "deg/s", "at most this fast")
-      ->check(CLI::Range(0.1, 90.0))
-      ->capture_default_str();
-  add_quantity(*command, "--torque", options->torque, "Nm",
-               "never exceeded, gravity aside (default a tenth of limits.torque)")
+  options->by.add(*command, "--by", {"deg", "mm"}, "how far, joint side, signed", 5);
+  options->speed.add(*command, "--speed", {"deg/s", "mm/s"}, "at most this fast", 10)->check(CLI::Range(0.1, 90.0));
+  options->torque
+      .add(*command, "--torque", {"Nm", "N"}, "never exceeded, gravity aside (default a tenth of limits.torque)")
       ->check(CLI::PositiveNumber);
-  CLI::Option* const saw = add_quantity(*command, "--saw", options->saw, "deg",
-                                        "the angle by which you see it turn, signed: judges the gear");
+  options->saw.add(*command, "--saw", {"deg", "mm"}, "by how much you see it move, signed: judges the gear");
   command->add_flag("--without-gravity", options->without_gravity,
                     "carry nothing and leave the other drives in peace: for a drive on the bench");
   command->add_flag("--json", options->json, "one line of JSON");
   command->footer(
       "Example: takt joint jog elbow --robot robot.yaml --by -5deg\n"
+      "Example: takt joint jog finger --robot robot.yaml --by 5mm\n"
       "With a model in the robot file gravity is carried while it moves; support it all the same: at the end the drive "
       "is\n"
-      "disabled. Ctrl-C disables it too, and so does straying 2 degrees from the way.\n"
+      "disabled. Ctrl-C disables it too, and so does straying 2 degrees (2 mm) from the way.\n"
       "What you saw is kept on the drive's card: the only proof of gear_ratio. At a terminal it is asked for.\n"
       "Exit codes: 0 moved as asked, 1 refused, not moved as asked, or the drive failed, 3 moved as asked, and a scale "
       "is\nwrong, 4 moved as asked, and --saw is missing where the drive cannot tell, 64 command line, 65 "
       "configuration, 69 "
       "the bus\nis not there.");
-  command->callback([options, &exit_code, saw] {
-    if (saw->count() > 0) options->saw_degrees = options->saw;
+  command->callback([options, &exit_code] {
     const auto done = jog(*options);
     if (!done) fmt::print(stderr, "takt joint jog: {}\n", done.error().sentence);
     exit_code = done ? *done : done.error().exit_code;

@@ -14,10 +14,11 @@
 #include "cli/quantity_option.hpp"
 #include "cli/robot/direct_bus.hpp"
 #include "cli/robot/drive_listener.hpp"
+#include "config/joint_units.hpp"
 #include "config/load.hpp"
 #include "drivers/protocol/home_note.hpp"
 #include "drivers/protocol/protocol_table.hpp"
-#include "drivers/tools/degrees.hpp"
+#include "drivers/protocol/shown_unit.hpp"
 #include "drivers/tools/home_place.hpp"
 #include "drivers/tools/stop_search.hpp"
 #include "executive/contract/monotonic_clock.hpp"
@@ -29,11 +30,17 @@ namespace {
 struct HomeOptions {
   std::string joint, robot_file, runtime_dir;
   std::string to_stop;  // forward, backward; empty: by hand
-  double at_degrees = 0, torque = 0, speed_degrees = 5, within_degrees = 0;
+  JointOption at, torque, speed, within;
 };
 
-constexpr double kHeld = 2 * drivers::kDegree;  // as still as a hand holds a joint
-constexpr double kTaken = 0.02;                 // rad: what is read back against what was said
+constexpr double kHeld = 2;      // degrees, of a slide mm: as still as a hand holds a joint
+constexpr double kTaken = 0.02;  // rad, of a slide of its motor: what is read back against what was said
+
+// "12.34 deg", "12.34 mm"
+std::string exactly(const config::Joint& joint, double q) {
+  const drivers::ShownUnit unit = drivers::shown_unit(joint.kind);
+  return fmt::format("{:.2f} {}", q / unit.size, unit.symbol);
+}
 
 Refusal refusal(const config::Joint& joint, const std::string& why) {
   return {kExitFailed, fmt::format("joint {}: {}", joint.name, why)};
@@ -45,9 +52,9 @@ std::expected<void, Refusal> tell_drive(const config::Joint& joint, const driver
   bus.send(frame);
   listener.settle();
   const JointFeedback& feedback = listener.feedback();
-  if (std::abs(listener.q() - at) > kTaken)
+  if (std::abs(listener.q() - at) > kTaken * config::per_rad(joint))
     return std::unexpected(
-        refusal(joint, fmt::format("reads {:.2f} deg: its drive did not take it", listener.q() / drivers::kDegree)));
+        refusal(joint, fmt::format("reads {}: its drive did not take it", exactly(joint, listener.q()))));
   if (feedback.drive_state != DriveState::disabled)
     return std::unexpected(
         refusal(joint, "its drive reports " + drivers::error_name(joint.drive, feedback.error_code)));
@@ -60,9 +67,10 @@ std::expected<void, Refusal> confirm(const config::Joint& joint, DriveListener& 
   const auto typed = listener.wait_for_line();
   if (!typed || *typed != joint.name)
     return std::unexpected(refusal(joint, "not confirmed: nothing was changed (type the joint's name)"));
-  if (std::abs(listener.q() - before) <= kHeld) return {};
-  return std::unexpected(refusal(joint, fmt::format("moved {:.1f} deg meanwhile: hold it still, and say it again",
-                                                    (listener.q() - before) / drivers::kDegree)));
+  const double moved = listener.q() - before;
+  if (std::abs(moved) <= kHeld * drivers::shown_unit(joint.kind).size) return {};
+  return std::unexpected(refusal(
+      joint, fmt::format("moved {} meanwhile: hold it still, and say it again", drivers::shown(joint.kind, moved))));
 }
 
 // Of a drive within a turn whose limits tell the turn: where it is by itself.
@@ -84,45 +92,37 @@ std::expected<int, Refusal> make_known(const DirectRobot& robot, std::size_t ind
     if (!found) return std::unexpected(refusal(joint, found.error()));
     shift = *found;
   }
-  fmt::print("joint {} reads {:.2f} deg; type its name and Enter if it is at {:.2f} deg:\n", joint.name,
-             listener.q() / drivers::kDegree, (frame ? at : listener.q() + shift) / drivers::kDegree);
+  fmt::print("joint {} reads {}; type its name and Enter if it is at {}:\n", joint.name, exactly(joint, listener.q()),
+             exactly(joint, frame ? at : listener.q() + shift));
   std::fflush(stdout);
   if (const auto confirmed = confirm(joint, listener); !confirmed) return std::unexpected(confirmed.error());
   if (frame) {
     if (const auto told = tell_drive(joint, *frame, at, bus, listener); !told) return std::unexpected(told.error());
-    fmt::print("joint {} reads {:.2f} deg now; its drive forgets it with its supply\n", joint.name,
-               listener.q() / drivers::kDegree);
+    fmt::print("joint {} reads {} now; its drive forgets it with its supply\n", joint.name,
+               exactly(joint, listener.q()));
     return kExitOk;
   }
   const drivers::HomeNote note{.shift = shift, .left_at = listener.q() + shift};
   const auto written = drivers::write_home_note(robot.runtime_directory, robot.config, index, note);
   if (!written) return std::unexpected(refusal(joint, written.error()));
   fmt::print(
-      "joint {} is at {:.2f} deg, {:+.2f} deg from what it reads. Its drive cannot keep that, and nothing tells "
+      "joint {} is at {}, {}{} from what it reads. Its drive cannot keep that, and nothing tells "
       "whether "
       "it\nwas switched off since: it holds for one start of the executive within {:.0f} min, with the joint left "
       "where "
       "it is\n",
-      joint.name, note.left_at / drivers::kDegree, shift / drivers::kDegree, drivers::kHomeNoteLasts.seconds() / 60);
+      joint.name, exactly(joint, note.left_at), std::signbit(shift) ? "" : "+", exactly(joint, shift),
+      drivers::kHomeNoteLasts.seconds() / 60);
   return kExitOk;
 }
 
 volatile std::sig_atomic_t g_home_interrupted = 0;
 
-// What the drive reads at the stop, rad. Interrupting it releases the drive first.
-std::expected<double, Refusal> lead_to_stop(const DirectRobot& robot, std::size_t index, const HomeOptions& options,
+// What the drive reads at the stop. Interrupting it releases the drive first.
+std::expected<double, Refusal> lead_to_stop(const DirectRobot& robot, std::size_t index, const drivers::StopWish& wish,
                                             drivers::CanBus& bus, drivers::JointDriver& driver) {
   const config::Joint& joint = robot.config.joints[index];
   if (joint.passive) return std::unexpected(refusal(joint, "is passive: nothing can move it"));
-  const double most = joint.limits.torque;
-  const drivers::StopWish wish{.direction = options.to_stop == "forward" ? 1 : -1,
-                               .speed = options.speed_degrees * drivers::kDegree,
-                               .torque = options.torque > 0 ? options.torque : 0.1 * most,
-                               .within = options.within_degrees > 0 ? options.within_degrees * drivers::kDegree
-                                                                    : joint.limits.q_max - joint.limits.q_min};
-  if (wish.torque > most)
-    return std::unexpected(Refusal{
-        kExitUsage, fmt::format("--torque {} Nm exceeds limits.torque {} Nm of {}", wish.torque, most, joint.name)});
   const auto permission = permit_torque(robot.config);
   if (!permission) return std::unexpected(permission.error());
   std::signal(SIGINT, [](int) { g_home_interrupted = 1; });
@@ -144,25 +144,44 @@ std::expected<double, Refusal> lead_to_stop(const DirectRobot& robot, std::size_
   return search.stop_at();
 }
 
+// What was asked for, in base units.
+struct HomeAsked {
+  double at = 0;
+  drivers::StopWish stop;
+};
+
+std::expected<HomeAsked, std::string> home_asked(const HomeOptions& options, const config::Joint& joint) {
+  const auto at = options.at.of(joint), speed = options.speed.of(joint), torque = options.torque.of(joint),
+             within = options.within.of(joint);
+  for (const auto* const each : {&at, &speed, &torque, &within})
+    if (!*each) return std::unexpected(each->error());
+  const config::Limits& limits = joint.limits;
+  const HomeAsked all{.at = at->value(),
+                      .stop = {.direction = options.to_stop == "forward" ? 1 : -1,
+                               .speed = speed->value(),
+                               .torque = torque->value_or(0.1 * limits.torque),
+                               .within = within->value_or(limits.q_max - limits.q_min)}};
+  if (all.stop.torque > limits.torque)
+    return std::unexpected(fmt::format("--torque {0} {2} exceeds limits.torque {1} {2} of {3}", all.stop.torque,
+                                       limits.torque, config::kJointTorque.unit(joint.kind), joint.name));
+  if (const auto possible = drivers::check_place(joint, all.at); !possible)
+    return std::unexpected("--at: " + possible.error());
+  return all;
+}
+
 std::expected<int, Refusal> home(const HomeOptions& options) {
   const auto robot = load_robot(options.robot_file, options.runtime_dir);
   if (!robot) return std::unexpected(robot.error());
   const auto index = find_joint(*robot, options.joint);
   if (!index) return std::unexpected(index.error());
   const config::Joint& joint = robot->config.joints[*index];
-  if (joint.kind == config::JointKind::slide)
-    return std::unexpected(
-        Refusal{kExitUsage, fmt::format("{} slides, and a place is said in degrees; keep limits.position within a turn "
-                                        "of its motor, or write position_after_power_up: absolute where that is true",
-                                        joint.name)});
   if (!drivers::forgets_home(joint.drive))
     return std::unexpected(
         refusal(joint,
                 "by the robot file its drive knows where it is since power-on (position_after_power_up: absolute); "
                 "another zero for it: takt bus zero"));
-  const double at = options.at_degrees * drivers::kDegree;
-  if (const auto possible = drivers::check_place(joint, at); !possible)
-    return std::unexpected(Refusal{kExitUsage, fmt::format("--at: {}", possible.error())});
+  const auto wished = home_asked(options, joint);
+  if (!wished) return std::unexpected(Refusal{kExitUsage, wished.error()});
   const auto alone = require_alone(*robot);
   if (!alone) return std::unexpected(alone.error());
   auto driver = drivers::make_lone_driver(robot->config, *index);
@@ -173,15 +192,14 @@ std::expected<int, Refusal> home(const HomeOptions& options) {
   if (!listener.wait_until_disabled()) return std::unexpected(refusal(joint, listener.why_not_disabled(joint.drive)));
   if (const auto place = place_by_limits(joint, listener.feedback()))
     return std::unexpected(refusal(
-        joint,
-        fmt::format("is at {:.2f} deg: of the turns that its drive cannot tell apart, limits.position leaves that "
-                    "one; if you see it elsewhere, its zero is wrong: takt bus zero",
-                    *place / drivers::kDegree)));
-  if (options.to_stop.empty()) return make_known(*robot, *index, at, **bus, listener);
-  const auto stop_at = lead_to_stop(*robot, *index, options, **bus, **driver);
+        joint, fmt::format("is at {}: of the turns that its drive cannot tell apart, limits.position leaves that "
+                           "one; if you see it elsewhere, its zero is wrong: takt bus zero",
+                           exactly(joint, *place))));
+  if (options.to_stop.empty()) return make_known(*robot, *index, wished->at, **bus, listener);
+  const auto stop_at = lead_to_stop(*robot, *index, wished->stop, **bus, **driver);
   if (!stop_at) return std::unexpected(stop_at.error());
   listener.settle();  // let go, it may have sprung back
-  return make_known(*robot, *index, at + listener.q() - *stop_at, **bus, listener);
+  return make_known(*robot, *index, wished->at + listener.q() - *stop_at, **bus, listener);
 }
 
 }  // namespace
@@ -193,18 +211,17 @@ void add_joint_home(CLI::App& joint, int& exit_code) {
   command->add_option("--robot", options->robot_file, "robot file")->required();
   command->add_option("--runtime-dir", options->runtime_dir,
                       "where loopback buses are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
-  add_quantity(*command, "--at", options->at_degrees, "deg", "where it is held, or where the stop is, joint side")
-      ->required();
+  options->at.add(*command, "--at", {"deg", "mm"}, "where it is held, or where the stop is, joint side")->required();
   command->add_option("--to-stop", options->to_stop, "lead it to its stop first, softly: forward or backward")
       ->check(CLI::IsMember({"forward", "backward"}));
-  add_quantity(*command, "--speed", options->speed_degrees, "deg/s", "with --to-stop: at most this fast")
-      ->check(CLI::Range(0.1, 30.0))
-      ->capture_default_str();
-  add_quantity(*command, "--torque", options->torque, "Nm",
-               "with --to-stop: never exceeded (default a tenth of limits.torque)")
+  options->speed.add(*command, "--speed", {"deg/s", "mm/s"}, "with --to-stop: at most this fast", 5)
+      ->check(CLI::Range(0.1, 30.0));
+  options->torque
+      .add(*command, "--torque", {"Nm", "N"}, "with --to-stop: never exceeded (default a tenth of limits.torque)")
       ->check(CLI::PositiveNumber);
-  add_quantity(*command, "--within", options->within_degrees, "deg",
-               "with --to-stop: how far at most (default the width of limits.position)")
+  options->within
+      .add(*command, "--within", {"deg", "mm"},
+           "with --to-stop: how far at most (default the width of limits.position)")
       ->check(CLI::PositiveNumber);
   command->footer(
       "Example: takt joint home elbow --robot robot.yaml --at 0deg\n"

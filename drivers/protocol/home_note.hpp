@@ -18,12 +18,15 @@
 namespace takt::drivers {
 
 struct HomeNote {
-  double shift = 0;    // rad, to be added to what the drive reads (to drive.offset)
-  double left_at = 0;  // rad: where the joint is, by the person's word
+  double shift = 0;    // rad, of a slide m: to be added to what the drive reads (to drive.offset)
+  double left_at = 0;  // rad, of a slide m: where the joint is, by the person's word
 };
 
 inline constexpr Duration kHomeNoteLasts = seconds(600);
-inline constexpr float kMayHaveMoved = 0.05F;  // rad, since the person's word
+// Since the person's word: 0.05 rad, of a slide of its motor.
+inline float may_have_moved(const config::Joint& joint) {
+  return 0.05F * static_cast<float>(config::per_rad(joint));
+}
 
 // The error is a sentence.
 std::expected<void, std::string> write_home_note(const std::string& runtime_directory, const config::RobotConfig& robot,

@@ -7,20 +7,15 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <numbers>
 #include <sstream>
+
+#include "drivers/protocol/shown_unit.hpp"
 
 namespace takt::drivers {
 namespace {
 
-double degrees_of(double rad) {
-  return rad * 180 / std::numbers::pi;
-}
-
-std::string signed_degrees(double rad) {
-  std::array<char, 48> text{};
-  std::snprintf(text.data(), text.size(), "%+.1f deg", degrees_of(rad));
-  return text.data();
+std::string signed_text(config::JointKind kind, double moved) {
+  return (std::signbit(moved) ? "" : "+") + shown(kind, moved);
 }
 
 std::string number(double value) {
@@ -42,11 +37,13 @@ std::string file_of(const std::string& directory, std::size_t joint) {
 }
 
 // All that scales what a drive tells.
-std::string scale_of(const config::Drive& drive) {
+std::string scale_of(const config::Joint& joint) {
+  const config::Drive& drive = joint.drive;
   std::ostringstream text;
   text.precision(17);
   text << config::name(drive.protocol) << ' ' << drive.variant << ' ' << drive.id << ' ' << drive.direction << ' '
        << drive.gear_ratio << ' ' << drive.position_range << ' ' << drive.counts_per_turn << ' ' << drive.identity;
+  if (joint.kind == config::JointKind::slide) text << " slide";
   return text.str();
 }
 
@@ -66,19 +63,22 @@ const char* other_scale(config::DriveProtocol protocol) {
 
 }  // namespace
 
-std::string contradicted_by_eye(const config::Drive& drive, const SeenAngle& angle) {
-  const double within = std::max(kSeenWithin, kSeenShare * std::abs(angle.moved));
+std::string contradicted_by_eye(const config::Joint& joint, const SeenAngle& angle) {
+  const config::Drive& drive = joint.drive;
+  const double least = shown_unit(joint.kind).size, within = std::max(least, kSeenShare * std::abs(angle.moved));
   if (std::abs(angle.seen - angle.moved) <= within) return {};
-  const std::string told =
-      "you saw " + signed_degrees(angle.seen) + ", its drive told " + signed_degrees(angle.moved) + ": ";
-  if (!(std::abs(angle.seen) > kSeenWithin)) return told + "another joint turned, or none";
+  const std::string told = "you saw " + signed_text(joint.kind, angle.seen) + ", its drive told " +
+                           signed_text(joint.kind, angle.moved) + ": ";
+  if (!(std::abs(angle.seen) > least)) return told + "another joint moved, or none";
   if (std::abs(angle.seen + angle.moved) <= within) return told + "direction is the opposite";
-  return told + "gear_ratio is " + about(drive.gear_ratio * std::abs(angle.moved / angle.seen)) +
-         " by that, the robot file says " + number(drive.gear_ratio) + other_scale(drive.protocol);
+  const char* const gear_unit = joint.kind == config::JointKind::slide ? " rad/m" : "";
+  return told + "gear_ratio is " + about(drive.gear_ratio * std::abs(angle.moved / angle.seen)) + gear_unit +
+         " by that, the robot file says " + number(drive.gear_ratio) + gear_unit + other_scale(drive.protocol);
 }
 
-std::string text_of(const SeenAngle& angle) {
-  return signed_degrees(angle.seen) + " seen where the drive told " + signed_degrees(angle.moved) + ", " + angle.day;
+std::string text_of(config::JointKind kind, const SeenAngle& angle) {
+  return signed_text(kind, angle.seen) + " seen where the drive told " + signed_text(kind, angle.moved) + ", " +
+         angle.day;
 }
 
 std::expected<void, std::string> keep_seen_angle(const std::string& runtime_directory, const config::RobotConfig& robot,
@@ -93,8 +93,7 @@ std::expected<void, std::string> keep_seen_angle(const std::string& runtime_dire
   std::filesystem::create_directories(runtime_directory, failed);
   std::ofstream file(unfinished);
   file.precision(17);
-  file << angle->day << ' ' << angle->moved << ' ' << angle->seen << '\n'
-       << scale_of(robot.joints.at(joint).drive) << '\n';
+  file << angle->day << ' ' << angle->moved << ' ' << angle->seen << '\n' << scale_of(robot.joints.at(joint)) << '\n';
   file.close();
   if (file) std::filesystem::rename(unfinished, path, failed);
   if (!file || failed)
@@ -109,8 +108,8 @@ std::optional<SeenAngle> seen_angle(const std::string& runtime_directory, const 
   std::string scale;
   if (!(file >> angle.day >> angle.moved >> angle.seen >> std::ws) || !std::getline(file, scale)) return std::nullopt;
   const bool holds = std::isfinite(angle.moved) && std::isfinite(angle.seen) &&
-                     scale == scale_of(robot.joints.at(joint).drive) &&
-                     contradicted_by_eye(robot.joints[joint].drive, angle).empty();
+                     scale == scale_of(robot.joints.at(joint)) &&
+                     contradicted_by_eye(robot.joints[joint], angle).empty();
   return holds ? std::optional(angle) : std::nullopt;
 }
 

@@ -9,13 +9,13 @@
 #include "drivers/protocol/little_endian.hpp"
 #include "drivers/protocol/odrive/odrive_driver.hpp"
 #include "drivers/protocol/placed_driver.hpp"
-#include "drivers/tools/degrees.hpp"
+#include "drivers/protocol/shown_unit.hpp"
 
 namespace takt::drivers {
 namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
-constexpr double kMovedSincePowerUp = 10 * kDegree;
+constexpr double kMovedSincePowerUp = 10 * kDegree;  // rad; of a slide of its motor
 
 double motor_turns(const config::Drive& drive, double q) {
   return (q - drive.offset) * drive.direction * drive.gear_ratio / kTurn;
@@ -53,15 +53,16 @@ std::expected<double, std::string> shift_between(const config::Joint& joint, dou
   const double step = place_step(joint.drive);
   const double shift = step > 0 ? step * std::round((at - read) / step) : at - read;
   const double place = read + shift;
-  const double counted = read - joint.drive.offset;
-  if (step == 0 && std::abs(counted) < kMovedSincePowerUp)
-    return std::unexpected("its drive reads " + degrees(counted) +
+  const double counted = read - joint.drive.offset, least = kMovedSincePowerUp * config::per_rad(joint);
+  const auto text_of = [&joint](double q) { return shown(joint.kind, q); };
+  if (step == 0 && std::abs(counted) < least)
+    return std::unexpected("its drive reads " + text_of(counted) +
                            ", as it does wherever it is switched on, so that nothing would tell that it was switched "
                            "off since: move the joint by more than " +
-                           degrees(kMovedSincePowerUp) + ", and say it again");
+                           text_of(least) + ", and say it again");
   if (step > 0 && std::abs(place - at) > step / 4)
-    return std::unexpected("its drive reads " + degrees(read) + ", so it is at " + degrees(place) +
-                           " or a multiple of " + degrees(step) + " from there, and " + degrees(at) +
+    return std::unexpected("its drive reads " + text_of(read) + ", so it is at " + text_of(place) +
+                           " or a multiple of " + text_of(step) + " from there, and " + text_of(at) +
                            " is near none of them: look again");
   if (const auto possible = check_place(joint, place); !possible) return std::unexpected(possible.error());
   const config::Limits& limits = joint.limits;
@@ -78,8 +79,8 @@ std::expected<double, std::string> shift_between(const config::Joint& joint, dou
 std::expected<void, std::string> check_place(const config::Joint& joint, double at) {
   const config::Limits& limits = joint.limits;
   if (at >= limits.q_min - limits.position_margin && at <= limits.q_max + limits.position_margin) return {};
-  return std::unexpected(degrees(at) + " is outside limits.position " + degrees(limits.q_min) + " to " +
-                         degrees(limits.q_max));
+  return std::unexpected(shown(joint.kind, at) + " is outside limits.position " + shown(joint.kind, limits.q_min) +
+                         " to " + shown(joint.kind, limits.q_max));
 }
 
 }  // namespace takt::drivers

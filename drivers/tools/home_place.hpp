@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where a joint is since power-on, of drives that forget it: which do, how they are told, and what is kept for those
-// that cannot be told. Angles: rad, joint side. Pure.
+// that cannot be told. Places: joint side, rad; of a slide m. Pure.
 #pragma once
 
 #include <expected>
@@ -20,7 +20,7 @@ bool forgets_home(const config::Drive& drive);
 std::optional<CanFrame> home_frame(const config::Joint& joint, double q);
 
 // What to add to what the drive reads, by the robot file's offset, where the operator says the joint is at `at`: whole
-// steps, or, of a drive that says nothing, any angle. The error is why that is in doubt: no place within a quarter of a
+// steps, or, of a drive that says nothing, anything. The error is why that is in doubt: no place within a quarter of a
 // step, one that the joint or the drive cannot reach, or a reading as any that begins to count has it.
 std::expected<double, std::string> shift_between(const config::Joint& joint, double read, double at);
 

@@ -9,13 +9,12 @@
 
 #include "config/drive_loop.hpp"
 #include "drivers/protocol/protocol_table.hpp"
-#include "drivers/tools/degrees.hpp"
 #include "drivers/tools/led_joint.hpp"
 
 namespace takt::drivers {
 namespace {
 
-// In which the drive packs its velocity, rad/s, joint side; 0: it says it in full.
+// In which the drive packs its velocity, joint side; 0: it says it in full.
 double velocity_step(const config::Drive& drive) {
   const double span = 2 * drive.velocity_range / drive.gear_ratio;
   switch (drive.protocol) {
@@ -44,7 +43,11 @@ bool drives(JointJog::Phase phase) {
 }  // namespace
 
 JointJog::JointJog(const config::Joint& joint, const JogWish& wish, JointDriver& driver, GravityTerm gravity)
-    : joint_(joint), wish_(wish), driver_(driver), gravity_(std::move(gravity)), fit_(velocity_step(joint.drive)) {
+    : joint_(joint),
+      wish_(wish),
+      driver_(driver),
+      gravity_(std::move(gravity)),
+      fit_(velocity_step(joint.drive), joint.kind) {
   if (joint.drive.protocol == config::DriveProtocol::cia402) scale_.emplace(joint.drive);
 }
 
@@ -92,7 +95,8 @@ std::optional<OwnScale> JointJog::own_scale() const {
 std::string JointJog::believed() const {
   const auto own = own_scale();
   const bool counts = own && own->verdict == OwnScale::Verdict::not_judged;
-  const bool gear = joint_.drive.gear_ratio != 1 && !(own && own->with_gear);
+  const bool has_gear = joint_.kind == config::JointKind::slide || joint_.drive.gear_ratio != 1;
+  const bool gear = has_gear && !(own && own->with_gear);
   return std::string(gear ? "gear_ratio" : "") + (gear && counts ? " and " : "") + (counts ? "counts_per_turn" : "");
 }
 
@@ -176,23 +180,23 @@ void JointJog::aim(MonoTime now) {
   target_ = start_ + wish_.by;
   const double low = std::min(joint_.limits.q_min, start_), high = std::max(joint_.limits.q_max, start_);
   if (target_ >= low && target_ <= high) return enter(Phase::asking, now);
-  fail("from " + degrees(start_) + " it would go to " + degrees(target_) + ", outside limits.position " +
-           degrees(joint_.limits.q_min) + " to " + degrees(joint_.limits.q_max) + ": ask for less",
+  fail("from " + text_of(start_) + " it would go to " + text_of(target_) + ", outside limits.position " +
+           text_of(joint_.limits.q_min) + " to " + text_of(joint_.limits.q_max) + ": ask for less",
        now);
 }
 
-// Half of the way, or 2 degrees short of it, is no success.
+// Half of the way, or kOffRamp short of it, is no success.
 void JointJog::settle(MonoTime now) {
   const double missed = std::abs(moved() - wish_.by);
-  if (missed <= std::min(kOffRamp, std::abs(wish_.by) / 2)) return enter(Phase::releasing, now);
-  fail("moved " + degrees(moved()) + " instead of " + degrees(wish_.by) + ": blocked, or --torque too low", now);
+  if (missed <= std::min(off_ramp(), std::abs(wish_.by) / 2)) return enter(Phase::releasing, now);
+  fail("moved " + text_of(moved()) + " instead of " + text_of(wish_.by) + ": blocked, or --torque too low", now);
 }
 
 void JointJog::watch_ramp(MonoTime now) {
   if (!drives(phase_)) return;
   const double strayed = driver_.feedback().q - reference_;
-  if (std::abs(strayed) <= kOffRamp) return;
-  fail("strayed " + degrees(strayed) +
+  if (std::abs(strayed) <= off_ramp()) return;
+  fail("strayed " + text_of(strayed) +
            " from where it was led, and was released: blocked, pulled by gravity harder than "
            "--torque and the model carry, turning the wrong way, or led too fast",
        now);

@@ -17,7 +17,7 @@
 // settling   reference at the target              held there for kSettle
 // releasing  settled, failed, or stop() called    disabled, for kRelease
 // ended      after that
-// Units: joint side, rad, rad/s, Nm. Thread rule: one thread. Pure but for the driver's memory.
+// Units: joint side, rad, rad/s, Nm; of a slide m, m/s, N. Thread rule: one thread. Pure but for the driver's memory.
 #pragma once
 
 #include <cstdint>
@@ -29,19 +29,19 @@
 
 #include "config/robot_config.hpp"
 #include "drivers/protocol/joint_driver.hpp"
+#include "drivers/protocol/shown_unit.hpp"
 #include "drivers/tools/cia402_scale.hpp"
-#include "drivers/tools/degrees.hpp"
 #include "drivers/tools/velocity_fit.hpp"
 
 namespace takt::drivers {
 
 struct JogWish {
-  double by = 0;      // rad
-  double speed = 0;   // rad/s > 0
-  double torque = 0;  // Nm > 0
+  double by = 0;
+  double speed = 0;   // > 0
+  double torque = 0;  // > 0
 };
 
-// What holds the joint still against gravity where the robot is now, Nm, joint side. Nothing: not known (yet).
+// What holds the joint still against gravity where the robot is now, joint side. Nothing: not known (yet).
 using GravityTerm = std::function<std::optional<double>()>;
 
 class JointJog {
@@ -49,7 +49,7 @@ class JointJog {
   enum class Phase : std::uint8_t { finding, asking, enabling, moving, settling, releasing, ended };
   static constexpr Duration kFindWithin = seconds(3), kEnableWithin = seconds(3), kSettle = milliseconds(500),
                             kRelease = milliseconds(100);
-  static constexpr double kOffRamp = 2 * kDegree;  // rad
+  static constexpr double kOffRamp = 2;  // degrees; of a slide mm
 
   // `driver` must outlive this object. `gravity` empty: nothing is carried.
   JointJog(const config::Joint& joint, const JogWish& wish, JointDriver& driver, GravityTerm gravity = {});
@@ -64,9 +64,9 @@ class JointJog {
   [[nodiscard]] bool ended() const { return phase_ == Phase::ended; }
   // Why it was cut short; empty: it was not.
   [[nodiscard]] const std::string& failure() const { return failure_; }
-  [[nodiscard]] double started_at() const { return start_; }  // rad
-  [[nodiscard]] double target() const { return target_; }     // rad
-  [[nodiscard]] double moved() const;                         // rad, so far
+  [[nodiscard]] double started_at() const { return start_; }
+  [[nodiscard]] double target() const { return target_; }
+  [[nodiscard]] double moved() const;  // so far
   // What the readings so far say of the reported velocity; of a CiA 402 drive of 606C, since its driver makes one of
   // the very positions.
   [[nodiscard]] VelocityScale velocity_scale() const;
@@ -87,7 +87,9 @@ class JointJog {
   void watch_drive(MonoTime now);
   void watch_ramp(MonoTime now);
   [[nodiscard]] float carried() const;
-  [[nodiscard]] float within_limit(double torque) const;  // Nm, joint side
+  [[nodiscard]] float within_limit(double torque) const;
+  [[nodiscard]] double off_ramp() const { return kOffRamp * shown_unit(joint_.kind).size; }
+  [[nodiscard]] std::string text_of(double q) const { return shown(joint_.kind, q); }
   [[nodiscard]] DriveSetpoint setpoint() const;
   [[nodiscard]] std::string reported() const;  // ": over-current", or nothing
 

@@ -12,7 +12,7 @@
 namespace takt::drivers {
 
 StopSearch::StopSearch(const config::Joint& joint, const StopWish& wish, JointDriver& driver)
-    : joint_(joint), wish_(wish), driver_(driver) {
+    : joint_(joint), wish_(wish), driver_(driver), unit_(shown_unit(joint.kind).size) {
   driver_.assume_home(0, std::numeric_limits<float>::infinity());
 }
 
@@ -76,21 +76,21 @@ void StopSearch::begin(MonoTime now) {
 void StopSearch::search(MonoTime now) {
   const double q = driver_.feedback().q;
   const double way = wish_.direction * (q - start_);
-  if (way < -kAstray) return fail("went " + degrees(-way) + " the other way, and was released", now);
-  if (wish_.direction * (q - reference_) > kAstray)
+  if (way < -kAstray * unit_) return fail("went " + text_of(-way) + " the other way, and was released", now);
+  if (wish_.direction * (q - reference_) > kAstray * unit_)
     return fail("ran ahead of where it was led, and was released: pulled by gravity, or pushed", now);
-  if (way > wish_.within) return fail("no stop within " + degrees(wish_.within), now);
+  if (way > wish_.within) return fail("no stop within " + text_of(wish_.within), now);
   if (now - entered_ > Duration{static_cast<std::int64_t>(2e9 * wish_.within / wish_.speed)} + kSpare)
-    return fail("took too long, and was released after " + degrees(way), now);
+    return fail("took too long, and was released after " + text_of(way), now);
   const double led = reference_ + wish_.direction * wish_.speed * (now - ticked_).seconds();
   reference_ = std::clamp(led, q - stretch(), q + stretch());
   const bool pulled_with_all = std::abs(reference_ - q) >= 0.9 * stretch();
-  if (std::abs(q - stood_at_) > kStill || !pulled_with_all) {
-    if (std::abs(q - stood_at_) > kStill) stood_at_ = q;
+  if (std::abs(q - stood_at_) > kStill * unit_ || !pulled_with_all) {
+    if (std::abs(q - stood_at_) > kStill * unit_) stood_at_ = q;
     stands_since_ = now;
   }
   if (now - stands_since_ < kStandsFor) return;
-  if (way < kLeastWay)
+  if (way < kLeastWay * unit_)
     return fail("did not move: blocked, too heavy for --torque, or at the stop already (bring it away from there)",
                 now);
   stood_at_ = q;

@@ -11,7 +11,8 @@
 // ended      after that
 // A stop is where the joint, pulled with all of `torque`, does not move by kStill for kStandsFor, having moved by
 // kLeastWay before: one that did not move is blocked, or too heavy, or was at the stop already, and which, the
-// search cannot tell. Units: joint side, rad, rad/s, Nm. Thread rule: one thread. Pure but for the driver's memory.
+// search cannot tell. Units: joint side, rad, rad/s, Nm; of a slide m, m/s, N. Thread rule: one thread. Pure but for the
+// driver's memory.
 #pragma once
 
 #include <cstdint>
@@ -20,15 +21,15 @@
 
 #include "config/robot_config.hpp"
 #include "drivers/protocol/joint_driver.hpp"
-#include "drivers/tools/degrees.hpp"
+#include "drivers/protocol/shown_unit.hpp"
 
 namespace takt::drivers {
 
 struct StopWish {
   int direction = 1;  // +1 or -1, as the joint counts
-  double speed = 0;   // rad/s > 0
-  double torque = 0;  // Nm > 0
-  double within = 0;  // rad > 0: further than that there is no stop
+  double speed = 0;   // > 0
+  double torque = 0;  // > 0
+  double within = 0;  // > 0: further than that there is no stop
 };
 
 class StopSearch {
@@ -36,7 +37,7 @@ class StopSearch {
   enum class Phase : std::uint8_t { finding, enabling, searching, releasing, ended };
   static constexpr Duration kFindWithin = seconds(3), kEnableWithin = seconds(3), kStandsFor = milliseconds(500),
                             kRelease = milliseconds(100), kSpare = seconds(5);
-  static constexpr double kStill = 0.3 * kDegree, kLeastWay = 1 * kDegree, kAstray = 2 * kDegree;  // rad
+  static constexpr double kStill = 0.3, kLeastWay = 1, kAstray = 2;  // degrees; of a slide mm
 
   // `driver` must outlive this object; it is told to do without its home.
   StopSearch(const config::Joint& joint, const StopWish& wish, JointDriver& driver);
@@ -48,7 +49,7 @@ class StopSearch {
   [[nodiscard]] bool ended() const { return phase_ == Phase::ended; }
   // Why no stop was found; empty: it was.
   [[nodiscard]] const std::string& failure() const { return failure_; }
-  // What the drive read there, rad.
+  // What the drive read there.
   [[nodiscard]] double stop_at() const { return stood_at_; }
 
  private:
@@ -59,7 +60,8 @@ class StopSearch {
   void begin(MonoTime now);
   void search(MonoTime now);
   void watch_drive(MonoTime now);
-  [[nodiscard]] double stretch() const;  // rad: of the spring, at most
+  [[nodiscard]] double stretch() const;  // of the spring, at most
+  [[nodiscard]] std::string text_of(double q) const { return shown(joint_.kind, q); }
   [[nodiscard]] DriveSetpoint setpoint(MonoTime now) const;
 
   config::Joint joint_;
@@ -67,6 +69,7 @@ class StopSearch {
   JointDriver& driver_;
   Phase phase_ = Phase::finding;
   MonoTime entered_, ticked_, stands_since_;
+  double unit_;  // a degree; of a slide a millimetre
   double start_ = 0, reference_ = 0, stood_at_ = 0;
   std::string failure_;
 };

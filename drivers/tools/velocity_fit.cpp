@@ -7,6 +7,8 @@
 #include <cstdio>
 #include <numbers>
 
+#include "drivers/protocol/shown_unit.hpp"
+
 namespace takt::drivers {
 namespace {
 
@@ -32,7 +34,7 @@ std::string likely_reason(double scale) {
 }  // namespace
 
 void VelocityFit::begin(MonoTime at, double q, double dq) {
-  *this = VelocityFit(step_);
+  *this = VelocityFit(step_, kind_);
   first_at_ = last_at_ = at;
   first_q_ = low_q_ = high_q_ = q;
   last_dq_ = dq;
@@ -67,9 +69,10 @@ void VelocityFit::add(double t, double integral, double q) {
 VelocityScale VelocityFit::judge() const {
   VelocityScale found;
   const double moved = high_q_ - low_q_;
-  if (n_ < kLeastReadings || moved < kLeastMotion) {
-    found.sentence = "the velocity's scale is not judged: " + decimal(n_, 0) + " readings over " +
-                     decimal(moved * 180 / std::numbers::pi, 1) + " deg are too few";
+  const bool slides = kind_ == config::JointKind::slide;
+  if (n_ < kLeastReadings || moved < (slides ? kLeastSlide : kLeastMotion)) {
+    found.sentence = "the velocity's scale is not judged: " + decimal(n_, 0) + " readings over " + shown(kind_, moved) +
+                     " are too few";
     return found;
   }
   const double tt = tt_ - t_ * t_ / n_, ti = ti_ - t_ * i_ / n_, ii = ii_ - i_ * i_ / n_;
@@ -87,10 +90,12 @@ VelocityScale VelocityFit::judge() const {
   const double by_steps = step_ / 2 / std::max(mean_speed, fastest_ / 2), by_gaps = unseen_ / integrated;
   found.uncertainty = by_steps + by_gaps;
   if (found.uncertainty > kWorstKnown) {
-    found.sentence = by_steps > by_gaps ? "the velocity's scale is not judged: it comes in steps of " +
-                                              decimal(step_, 3) + " rad/s: jog faster"
-                                        : "the velocity's scale is not judged: readings are missing while it changed: "
-                                          "jog again, on a quieter computer";
+    found.sentence = by_steps > by_gaps
+                         ? "the velocity's scale is not judged: it comes in steps of " +
+                               (slides ? decimal(step_ / kMillimetre, 3) + " mm/s" : decimal(step_, 3) + " rad/s") +
+                               ": jog faster"
+                         : "the velocity's scale is not judged: readings are missing while it changed: "
+                           "jog again, on a quieter computer";
     return found;
   }
   found.scale = scale;

@@ -55,7 +55,7 @@ DriveCards::DriveCards(const config::RobotConfig& robot, ipc::SlotReader frames,
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
     cards_.emplace_back(robot, joint);
     const auto angle = drivers::seen_angle(runtime_directory, robot, joint);
-    seen_.push_back(angle ? drivers::text_of(*angle) : std::string());
+    seen_.push_back(angle ? drivers::text_of(robot.joints[joint].kind, *angle) : std::string());
     joints_of_bus_.at(robot.joints[joint].bus).push_back(joint);
   }
   write();

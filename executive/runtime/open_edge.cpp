@@ -106,7 +106,7 @@ std::expected<OpenedEdge, EdgeRefusal> open_edge(const config::RobotConfig& robo
     auto driver = drivers::make_joint_driver(homed, joint);
     if (!driver) return std::unexpected(EdgeRefusal{kExitUnavailable, driver.error()});
     if (const auto& note = notes[joint])
-      (*driver)->assume_home(static_cast<float>(note->left_at), drivers::kMayHaveMoved);
+      (*driver)->assume_home(static_cast<float>(note->left_at), drivers::may_have_moved(robot.joints[joint]));
     joints.push_back({std::move(*driver), robot.joints[joint].bus, turns[joint]});
   }
   return OpenedEdge{std::move(*claims),

@@ -231,6 +231,7 @@ class JointHome : public BusTools {
           put(robot, "left_elbow", "one_of_several\n      places_per_turn: 9");
           put(robot, "right_elbow", "unknown");
         }) {}
+  using BusTools::BusTools;
   static void put(std::string& robot, const std::string& joint, const std::string& value) {
     const std::string key = "position_after_power_up: ";
     const std::size_t at = robot.find(key, robot.find("name: " + joint + "\n")) + key.size();
@@ -312,6 +313,74 @@ TEST_F(JointHome, OfSeveralPlacesTheNearestHoldsForOneStart) {
   EXPECT_NE(second.find("joint left_elbow: the drive reports a fault: the drive does not know where"),
             std::string::npos)
       << second;
+}
+
+constexpr char kSlideRobot[] = R"(schema: takt.robot/1
+robot: slide
+freshness: { max_age: 120 ms, epsilon: 0.05, window: 1 s, recover_after: 250 ms, stop_after: 600 ms }
+degraded: { behaviour: hold }
+feedback: { timeout: 200 ms }
+buses: [{ name: b, interface: slide_bus, when_missing: loopback }]
+joints:
+  - name: finger
+    kind: slide
+    bus: b
+    drive: { protocol: odrive, id: 1, watchdog_waiver: simulated, gear_ratio: 100 rad/m, torque_range: 1 Nm, position_after_power_up: unknown }
+    limits: { position: [0 m, 0.1 m], position_margin: 0.01 m, velocity: 0.2 m/s, velocity_hard: 0.4 m/s, acceleration: 2 m/s2, torque: 80 N, torque_rate: 4000 N/s, kp: 8000 N/m, kd: 800 Ns/m }
+    gains: { kp: 4000 N/m, kd: 300 Ns/m, damping: 300 Ns/m }
+    inertia: 4 kg
+    home: 0.05 m
+  - name: turn
+    bus: b
+    drive: { protocol: mit, variant: damiao, id: 2, reply_id: 0x12, position_range: 12.5 rad, velocity_range: 60 rad/s, torque_range: 10 Nm, kp_range: 500 Nm/rad, kd_range: 5 Nms/rad, position_after_power_up: absolute }
+    limits: { position: [-1 rad, 1 rad], position_margin: 0.1 rad, velocity: 2 rad/s, velocity_hard: 4 rad/s, acceleration: 20 rad/s2, torque: 10 Nm, torque_rate: 400 Nm/s, kp: 100 Nm/rad, kd: 4 Nms/rad }
+    gains: { kp: 20 Nm/rad, kd: 1 Nms/rad, damping: 1 Nms/rad }
+    inertia: 0.1 kgm2
+model:
+  links:
+    - { joint: finger, parent: base, origin: { xyz: [0 m, 0 m, 0 m] }, axis: [1, 0, 0], mass: 0 kg, com: [0 m, 0 m, 0 m], inertia: [0 kgm2, 0 kgm2, 0 kgm2] }
+    - { joint: turn, parent: finger, origin: { xyz: [0 m, 0 m, 0 m] }, axis: [0, 0, 1], mass: 0 kg, com: [0 m, 0 m, 0 m], inertia: [0 kgm2, 0 kgm2, 0 kgm2] }
+  tool: { link: turn, xyz: [0 m, 0 m, 0 m] }
+simulation: {}
+)";
+
+class ToolsOfASlide : public JointHome {
+ protected:
+  ToolsOfASlide() : JointHome([](std::string& robot) { robot = kSlideRobot; }, kRobot, "slide_bus") {}
+};
+
+// Goal: a slide is moved and placed in millimetres, and a unit of the other kind is refused before anything is sent.
+// Method: a slide whose ODrive counts from where it was switched on, and a hinge beside it.
+TEST_F(ToolsOfASlide, JogAndHomeAreInMillimetres) {
+  const auto refused = [this](const std::vector<std::string>& words, const std::string& sentence) {
+    const Ended ended = takt(words);
+    EXPECT_EQ(ended.exit_code, 64) << ended.output;
+    EXPECT_NE(ended.output.find(sentence), std::string::npos) << ended.output;
+  };
+  refused({"joint", "jog", "finger", "--by", "0.1rad"},
+          "takt joint jog: --by: 0.1rad is an angle, not a length; write it in m or mm: finger slides");
+  refused({"joint", "jog", "finger", "--torque", "1 Nm"},
+          "takt joint jog: --torque: 1 Nm is a torque, not a force; write it in N: finger slides");
+  refused(
+      {"joint", "jog", "turn", "--speed", "5mm/s"},
+      "takt joint jog: --speed: 5mm/s is a velocity, not an angular velocity; write it in rad/s or deg/s: turn turns");
+  refused({"joint", "home", "finger", "--at", "10deg"},
+          "takt joint home: --at: 10deg is an angle, not a length; write it in m or mm: finger slides");
+  refused({"joint", "jog", "finger", "--torque", "90"}, "--torque 90 N exceeds limits.torque 80 N of finger");
+  refused({"joint", "home", "finger", "--at", "0.2m"}, "--at: 200.0 mm is outside limits.position 0.0 mm to 100.0 mm");
+  const Ended homed = home("finger", "finger --at 50");
+  ASSERT_EQ(homed.exit_code, 0) << homed.output;
+  EXPECT_NE(homed.output.find("joint finger reads 50.00 mm now"), std::string::npos) << homed.output;
+  const Ended jog = takt({"joint", "jog", "finger", "--by", "5mm", "--saw", "5mm"});
+  EXPECT_EQ(jog.exit_code, 0) << jog.output;
+  EXPECT_NE(jog.output.find("joint finger: asked for +5.00 mm, moved +"), std::string::npos) << jog.output;
+  EXPECT_NE(jog.output.find("its scale is the robot file's: +5.0 mm seen where the drive told +"), std::string::npos)
+      << jog.output;
+  const Ended back = takt({"joint", "jog", "finger", "--by", "-0.005m", "--json"});
+  EXPECT_EQ(back.exit_code, 0) << back.output;
+  EXPECT_NEAR(back.json().at("moved_m").get<double>(), -0.005, 0.002) << back.output;
+  EXPECT_NEAR(back.json().at("from_m").get<double>(), 0.055, 0.002) << back.output;
+  EXPECT_FALSE(back.json().contains("moved_rad")) << back.output;
 }
 
 TEST_F(BusTools, HomeIsForDrivesThatForgetIt) {

@@ -35,4 +35,19 @@ inline config::RobotConfig pendulum(double mass, double length, double step_ms =
   return robot;
 }
 
+// The joint's drive moves a slide of 40 mm, 100 rad of it to a metre.
+inline void slide(config::Joint& joint) {
+  joint.kind = config::JointKind::slide;
+  joint.drive.gear_ratio = 100;
+  joint.drive.kp_range = 1;
+  joint.drive.kd_range = 0.1;
+  joint.drive.torque_range = 2;
+  joint.drive.position_after_power_up = config::PositionAfterPowerUp::absolute;
+  joint.limits.q_min = 0;
+  joint.limits.q_max = 0.04;
+  joint.limits.torque = 60;
+  joint.kp = 2000;
+  joint.kd = 90;
+}
+
 }  // namespace takt::test

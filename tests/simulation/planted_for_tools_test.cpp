@@ -86,7 +86,7 @@ class Bench {
       said += own->sentence;
     if (jog.velocity_scale().verdict == drivers::VelocityScale::Verdict::wrong) said += jog.velocity_scale().sentence;
     if (with_an_eye)
-      said += drivers::contradicted_by_eye(robot_.joints[0].drive, {.moved = jog.moved(), .seen = q_ - before});
+      said += drivers::contradicted_by_eye(robot_.joints[0], {.moved = jog.moved(), .seen = q_ - before});
     if (said.empty() && !with_an_eye && !jog.believed().empty()) said = "not judged: " + jog.believed();
     return said;
   }

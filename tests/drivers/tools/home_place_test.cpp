@@ -111,6 +111,34 @@ TEST(HomePlace, WhatTheDriveCannotSayFromThereIsRefused) {
   EXPECT_FALSE(shift_between(joint, 0, 80 * kDegree));
 }
 
+// Goal: a slide's places are turns of its motor apart, in metres. Method: 100 rad to a metre, so a turn is 62.8 mm; a
+// drive that counts from its start is believed beyond 10 degrees of its motor, 1.7 mm.
+TEST(HomePlace, OfASlideItIsInMetres) {
+  config::Joint slide = joint_with(config::DriveProtocol::robstride, PositionAfterPowerUp::within_a_turn);
+  slide.kind = config::JointKind::slide;
+  slide.drive.gear_ratio = 100;
+  slide.drive.position_range = 25;
+  slide.limits.q_min = 0;
+  slide.limits.q_max = 0.1;
+  EXPECT_NEAR(shift_between(slide, 0.07, 0.008).value(), -0.0628, 1e-4);
+  ASSERT_FALSE(shift_between(slide, 0.07, 0.04));
+  EXPECT_EQ(
+      shift_between(slide, 0.07, 0.04).error(),
+      "its drive reads 70.0 mm, so it is at 70.0 mm or a multiple of 62.8 mm from there, and 40.0 mm is near none "
+      "of them: look again");
+  EXPECT_EQ(check_place(slide, 0.2).error(), "200.0 mm is outside limits.position 0.0 mm to 100.0 mm");
+  slide.drive.protocol = config::DriveProtocol::cia402;
+  slide.drive.position_after_power_up = PositionAfterPowerUp::unknown;
+  EXPECT_NEAR(shift_between(slide, 0.002, 0.03).value(), 0.028, 1e-9);
+  ASSERT_FALSE(shift_between(slide, 0.0015, 0.03));
+  EXPECT_NE(shift_between(slide, 0.0015, 0.03).error().find("move the joint by more than 1.7 mm"), std::string::npos);
+  slide.drive.protocol = config::DriveProtocol::moteus;
+  float turns = 0;
+  std::memcpy(&turns, home_frame(slide, 0.031415927)->data + 3, sizeof turns);
+  EXPECT_NEAR(turns, 0.5, 1e-6) << "of the motor";
+  EXPECT_NEAR(may_have_moved(slide), 0.0005, 1e-9) << "m";
+}
+
 class Notes : public testing::Test {
  protected:
   Notes() {

@@ -17,7 +17,6 @@
 namespace takt::drivers {
 namespace {
 
-constexpr double kInertia = 0.02;  // kg m^2
 constexpr StopWish kWish{.direction = 1, .speed = 0.3, .torque = 1, .within = 1.5};
 
 class Search : public testing::Test {
@@ -28,7 +27,7 @@ class Search : public testing::Test {
     driver_ = make_joint_driver(robot_, 3).value();
     device_ = plant::make_device(drive, milliseconds(100));
     plant::Frames said;
-    device_->update({q_, dq_}, now_, {}, said);
+    device_->update({gear_ * q_, gear_ * dq_}, now_, {}, said);
   }
   void run(const StopWish& wish) {
     StopSearch search(robot_.joints[3], wish, *driver_);
@@ -44,10 +43,10 @@ class Search : public testing::Test {
     plant::Frames answers;
     const std::size_t sent = search.tick(now_, out);
     for (std::size_t i = 0; i < sent && is_there_; ++i) device_->receive(out[i], now_, answers);
-    const double motor = device_->update({q_, dq_}, now_, milliseconds(1), answers);
+    const double motor = gear_ * device_->update({gear_ * q_, gear_ * dq_}, now_, milliseconds(1), answers);
     const double torque = is_wired_backwards_ ? -motor : motor;
     most_torque_ = std::max(most_torque_, std::abs(torque + double{robot_.joints[3].kd} * dq_));
-    dq_ += 0.001 * (torque + load_ - viscous_ * dq_) / kInertia;
+    dq_ += 0.001 * (torque + load_ - viscous_ * dq_) / inertia_;
     q_ += 0.001 * dq_;
     if (q_ > wall_) {
       q_ = wall_;
@@ -66,7 +65,9 @@ class Search : public testing::Test {
   std::unique_ptr<plant::Device> device_;
   MonoTime now_{1};
   double q_ = 0.3, dq_ = 0, wall_ = 1.0, most_torque_ = 0, load_ = 0, stop_at_ = 0;
-  double viscous_ = 0.2;  // Nm s/rad
+  double viscous_ = 0.2;   // Nm s/rad, of a slide N s/m
+  double inertia_ = 0.02;  // kg m^2, of a slide kg
+  double gear_ = 1;
   bool is_there_ = true, is_wired_backwards_ = false;
   std::optional<double> fault_at_;
   std::string failure_;
@@ -78,6 +79,29 @@ TEST_F(Search, FindsTheStopAndNeverPullsHarderThanTold) {
   EXPECT_NEAR(stop_at_, 1.0, 0.006);
   EXPECT_GT(most_torque_, 0.8);
   EXPECT_LT(most_torque_, 1.03) << "the packed fields' quanta aside";
+}
+
+// Goal: a slide's stop is found in millimetres, with no more force than told. Method: 0.4 kg on 100 rad to a metre, 20
+// mm before a wall; then a wall where it stands, and none.
+TEST_F(Search, OfASlideItIsInMillimetres) {
+  test::slide(robot_.joints[3]);
+  constexpr StopWish kLength{.direction = 1, .speed = 0.005, .torque = 5, .within = 0.03};
+  inertia_ = 0.4;
+  gear_ = 100;
+  viscous_ = 1;
+  q_ = 0.01;
+  wall_ = 0.03;
+  use(robot_.joints[3].drive);
+  run(kLength);
+  EXPECT_EQ(failure_, "");
+  EXPECT_NEAR(stop_at_, 0.03, 0.0003);
+  EXPECT_GT(most_torque_, 4);
+  EXPECT_LT(most_torque_, 6) << "the packed fields' quanta aside";
+  run(kLength);
+  EXPECT_NE(failure_.find("did not move"), std::string::npos) << failure_;
+  wall_ = 1;
+  run(kLength);
+  EXPECT_EQ(failure_, "no stop within 30.0 mm");
 }
 
 TEST_F(Search, ADriveThatDoesNotKnowItsHomeIsLedAllTheSame) {

@@ -23,10 +23,11 @@ struct Move {
   std::function<double(double dq)> reported = [](double dq) { return dq; };
   std::function<bool(int reading)> is_lost = [](int) { return false; };
   double step = 0;  // rad/s
+  config::JointKind kind = config::JointKind::hinge;
 };
 
 VelocityScale judged(const Move& move) {
-  VelocityFit fit(move.step);
+  VelocityFit fit(move.step, move.kind);
   const double way = std::abs(move.by) / move.speed;
   for (int ms = 0; ms < static_cast<int>(1000 * way) + 700; ++ms) {
     const double t = ms * 1e-3 - 0.2;
@@ -82,6 +83,22 @@ TEST(VelocityFit, WrongScalesAreNamedWithTheirLikeliestReason) {
     EXPECT_NEAR(found.scale, 1 / row.factor, 0.02 / std::abs(row.factor)) << row.factor;
     EXPECT_NE(found.sentence.find(row.reason), std::string::npos) << found.sentence;
   }
+}
+
+// Goal: a slide is judged over millimetres, and said so. Method: 5 mm at 10 mm/s, right, in revolutions per minute, in
+// coarse steps, and too little of it.
+TEST(VelocityFit, OfASlideItIsInMillimetres) {
+  const Move move{.by = 0.005, .speed = 0.01, .kind = config::JointKind::slide};
+  EXPECT_EQ(judged(move).verdict, Verdict::right) << judged(move).sentence;
+  Move wrong = move;
+  wrong.reported = [](double dq) { return dq * 60 / (2 * std::numbers::pi); };
+  EXPECT_EQ(judged(wrong).verdict, Verdict::wrong);
+  Move coarse = move;
+  coarse.step = 0.008;
+  EXPECT_EQ(judged(coarse).sentence, "the velocity's scale is not judged: it comes in steps of 8.000 mm/s: jog faster");
+  Move little = move;
+  little.by = 0.0009;
+  EXPECT_NE(judged(little).sentence.find("readings over 0.9 mm are too few"), std::string::npos);
 }
 
 TEST(VelocityFit, TooLittleIsNotJudged) {
