@@ -2,25 +2,23 @@
 // What a policy's action sets at each joint, and in which unit. Known to all rooms that read a policy's chunks.
 #pragma once
 
-#include <string_view>
-
-#include "config/robot_config.hpp"
+#include "config/joint_units.hpp"
 
 namespace takt::config {
 
 struct ActionTarget {
   CommandField field = CommandField::q;
-  std::string_view unit;  // "rad", "rad/s", "Nm"
+  JointQuantity quantity;
 };
 
 constexpr ActionTarget target_of(ActionKind kind) {
   switch (kind) {
     case ActionKind::joint_position:
-      return {CommandField::q, "rad"};
+      return {CommandField::q, kJointPosition};
     case ActionKind::joint_velocity:
-      return {CommandField::dq, "rad/s"};
+      return {CommandField::dq, kJointVelocity};
     case ActionKind::joint_torque:
-      return {CommandField::tau_ff, "Nm"};
+      return {CommandField::tau_ff, kJointTorque};
   }
   return {};
 }

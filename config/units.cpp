@@ -48,6 +48,10 @@ constexpr std::array kUnits{
     Unit{"N/m", Dimension::linear_stiffness, 1},
     Unit{"Ns/m", Dimension::linear_damping, 1},
     Unit{"rad/m", Dimension::angle_per_length, 1},
+    Unit{"Nm/m", Dimension::torque_per_length, 1},
+    Unit{"N/rad", Dimension::force_per_angle, 1},
+    Unit{"Nms/m", Dimension::torque_per_velocity, 1},
+    Unit{"Ns/rad", Dimension::force_per_angular_velocity, 1},
 };
 
 constexpr std::array<std::string_view, kDimensionCount> kNouns{"a plain number",
@@ -71,7 +75,11 @@ constexpr std::array<std::string_view, kDimensionCount> kNouns{"a plain number",
                                                                "a force rate",
                                                                "a linear stiffness",
                                                                "a linear damping",
-                                                               "an angle per length"};
+                                                               "an angle per length",
+                                                               "a torque per length",
+                                                               "a force per angle",
+                                                               "a torque per velocity",
+                                                               "a force per angular velocity"};
 
 bool is_digit(char c) {
   return c >= '0' && c <= '9';

@@ -37,9 +37,13 @@ enum class Dimension : std::uint8_t {
   force_rate,
   linear_stiffness,
   linear_damping,
-  angle_per_length
+  angle_per_length,
+  torque_per_length,
+  force_per_angle,
+  torque_per_velocity,
+  force_per_angular_velocity
 };
-inline constexpr std::size_t kDimensionCount = 22;
+inline constexpr std::size_t kDimensionCount = 26;
 
 struct Unit {
   std::string_view symbol;

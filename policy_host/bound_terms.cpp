@@ -39,23 +39,12 @@ std::string command_text(const RobotConfig& robot, const ObservationTerm& term) 
                      unit == "unit unstated" ? "" : ", " + unit);
 }
 
-// Of joints by number, all where none is named: "rad", "m", or "rad (slides: m)".
-std::string unit_of(const RobotConfig& robot, std::vector<std::size_t> joints, const config::JointQuantity& quantity) {
-  if (joints.empty())
-    for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) joints.push_back(joint);
-  const auto slides = [&](std::size_t joint) { return robot.joints[joint].kind == config::JointKind::slide; };
-  const auto count = std::ranges::count_if(joints, slides);
-  if (count == 0) return std::string(quantity.unit(config::JointKind::hinge));
-  const std::string_view unit = quantity.unit(config::JointKind::slide);
-  if (static_cast<std::size_t>(count) == joints.size()) return std::string(unit);
-  return fmt::format("{} (slides: {})", quantity.unit(config::JointKind::hinge), unit);
-}
-
 std::string source_text(const RobotConfig& robot, const ObservationTerm& term) {
   const std::string imu = robot.imu ? robot.imu->sensor : "none";
   const auto of_joints = [&](const config::JointQuantity& quantity) {
-    return fmt::format("{} of {} joints, {}", config::name(term.kind), config::term_width(robot, term),
-                       unit_of(robot, term.joints.empty() ? robot.policy->joint_order : term.joints, quantity));
+    return fmt::format(
+        "{} of {} joints, {}", config::name(term.kind), config::term_width(robot, term),
+        config::unit_of_joints(robot, term.joints.empty() ? robot.policy->joint_order : term.joints, quantity));
   };
   switch (term.kind) {
     case TermKind::joint_position:
@@ -150,7 +139,7 @@ std::string action_line(const RobotConfig& robot) {
   const std::size_t joints = action.joint_of_output.empty() ? robot.joints.size() : action.joint_of_output.size();
   const auto kind = [&](const char* name, const config::JointQuantity& quantity) {
     return fmt::format("{}: {} of {} joints, {}, times {}", robot.policy->output, name, joints,
-                       unit_of(robot, action.joint_of_output, quantity),
+                       config::unit_of_joints(robot, action.joint_of_output, quantity),
                        action.scale.empty() ? "1" : numbers_text(action.scale));
   };
   std::string text;

@@ -74,11 +74,11 @@ constexpr std::string_view name(Meaning meaning) {
     case Meaning::unsaid:
       return "not said";
     case Meaning::joint_position:
-      return "joint positions, rad";
+      return "joint positions, rad (slides: m)";
     case Meaning::joint_velocity:
-      return "joint velocities, rad/s";
+      return "joint velocities, rad/s (slides: m/s)";
     case Meaning::joint_torque:
-      return "joint torques, Nm";
+      return "joint torques, Nm (slides: N)";
     case Meaning::base_orientation:
       return "the base's orientation in the world, a quaternion";
     case Meaning::base_angular_velocity:

@@ -52,7 +52,7 @@ void add_policy_replay(CLI::App& policy, int& exit_code) {
                       "another ONNX file: how far its targets are from the run's, had it been shown the same");
   command
       ->add_option("--tolerance", arguments->options.tolerance,
-                   "difference of a target that is worth naming; rad, rad/s or Nm")
+                   "difference of a target that is worth naming; rad, rad/s or Nm, of a slide m, m/s or N")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
   command->add_flag("--json", arguments->json, "one line of JSON");

@@ -127,14 +127,15 @@ std::string BusWatch::json(MonoTime now) const {
   nlohmann::ordered_json joints = nlohmann::ordered_json::array();
   for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
     const JointFeedback& feedback = joints_[joint].driver->feedback();
+    const config::JointKind kind = robot_.joints[joint].kind;
     const bool seen = feedback.received_at.is_set();
     joints.push_back(
         {{"joint", robot_.joints[joint].name},
          {"protocol", config::name(robot_.joints[joint].drive.protocol)},
          {"seen", seen},
          {"state", name(feedback.drive_state)},
-         {"q_rad", feedback.q},
-         {"tau_Nm", feedback.tau},
+         {fmt::format("q_{}", config::kJointPosition.unit(kind)), feedback.q},
+         {fmt::format("tau_{}", config::kJointTorque.unit(kind)), feedback.tau},
          {"temperature_C", feedback.temperature_C},
          {"age_ns", seen ? nlohmann::ordered_json((now - feedback.received_at).ns) : nlohmann::ordered_json()},
          {"replies_per_s", joints_[joint].per_second},

@@ -192,7 +192,8 @@ std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> Replayer::make(con
   made->result_.is_mixed = policy_host::mixes_answers(made->robot_.policy->action.join.kind);
   made->result_.file = made->robot_.policy->file;
   made->result_.hash = *hash;
-  made->result_.unit = config::target_of(made->robot_.policy->action.kind).unit;
+  made->result_.unit =
+      config::unit_of_joints(made->robot_, {}, config::target_of(made->robot_.policy->action.kind).quantity);
   return made;
 }
 
@@ -357,7 +358,9 @@ PolicyReplay Replayer::finish() {
   for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
     const Sum& sum = joints_[joint];
     const double rms = sum.values == 0 ? 0 : std::sqrt(sum.squares / static_cast<double>(sum.values));
-    result_.joints.push_back({robot_.joints[joint].name, sum.largest, rms});
+    const config::Joint& said = robot_.joints[joint];
+    const auto& quantity = config::target_of(robot_.policy->action.kind).quantity;
+    result_.joints.push_back({said.name, std::string(quantity.unit(said.kind)), sum.largest, rms});
   }
   return std::move(result_);
 }

@@ -28,9 +28,9 @@ struct PolicyReplayOptions {
   double tolerance = 1e-3;  // rad, rad/s or Nm: a difference in a target that is worth naming; not below 0
 };
 
-// Of all steps of all judged answers, in the action's unit.
+// Of all steps of all judged answers.
 struct JointDistance {
-  std::string joint;
+  std::string joint, unit;
   double largest = 0;
   double rms = 0;
 };
@@ -47,7 +47,7 @@ struct PolicyReplay {
   std::string file;
   std::uint64_t hash = 0;           // of the file
   bool is_of_the_run = false;       // the file that the run's host had
-  std::string unit;                 // "rad", "rad/s" or "Nm"
+  std::string unit;                 // "rad", or "rad (slides: m)"
   std::uint64_t answers = 0;        // recorded
   std::uint64_t identical = 0;      // raw outputs, bit for bit
   std::uint64_t beyond = 0;         // with a target further off than the tolerance, or not a number on one side only

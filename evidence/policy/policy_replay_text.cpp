@@ -73,7 +73,8 @@ nlohmann::ordered_json policy_json(const PolicyReplay& policy) {
                               {"joints", nlohmann::ordered_json::array()},
                               {"first_beyond", nullptr}};
   for (const JointDistance& joint : policy.joints)
-    json["joints"].push_back({{"joint", joint.joint}, {"largest", joint.largest}, {"rms", joint.rms}});
+    json["joints"].push_back(
+        {{"joint", joint.joint}, {"unit", joint.unit}, {"largest", joint.largest}, {"rms", joint.rms}});
   if (const auto& first = policy.first_beyond)
     json["first_beyond"] = {{"observation_id", first->observation_id},
                             {"sequence", first->sequence},

@@ -99,7 +99,7 @@ class Rollout {
         repeater_(config_.interpolation == pipeline::Interpolation::hold),
         operator_(setup.rearm_after),
         wakes_(disturbance, config_.period, setup.seed),
-        measures_(score_of(setup, world), disturbance) {
+        measures_(score_of(setup, world), disturbance, setup.robot) {
     input_.last_duration = kTickWork;
     policy_.on_shown(setup.on_shown);
     if (setup.method.built_in == BuiltIn::plain) plain_ = std::make_unique<PlainLoop>(config_);
@@ -287,7 +287,7 @@ void tell_end(const RolloutSetup& setup, const plant::WorldEnd& end) {
 // Ended before the first tick.
 void fill_without_ticks(const RolloutSetup& setup, const Disturbance& disturbance, const plant::WorldEnd& end,
                         RolloutRow& row) {
-  RolloutMeasures measures({.settled = kStart, .begins = kStart, .bound_m = setup.bound_m}, disturbance);
+  RolloutMeasures measures({.settled = kStart, .begins = kStart, .bound_m = setup.bound_m}, disturbance, setup.robot);
   measures.world_ended(end.kind);
   measures.finish(setup.robot.freshness.epsilon, setup.robot.freshness.confidence, row);
 }

@@ -124,10 +124,10 @@ void RolloutMeasures::add_joints(const TickRecord& record) {
   for (std::size_t joint = 0; joint < record.header.joint_count; ++joint) {
     const JointFeedback& feedback = record.joints[joint].feedback;
     energy_J_ += std::abs(static_cast<double>(feedback.tau) * static_cast<double>(feedback.dq)) * dt;
-    const double torque = static_cast<double>(feedback.tau);
+    const double torque = static_cast<double>(feedback.tau) * per_rad_[joint];
     if (last_.is_set()) torque_travel_Nm_ += std::abs(torque - torque_[joint]);
     torque_[joint] = torque;
-    peak_torque_Nm_ = std::max(peak_torque_Nm_, std::abs(static_cast<double>(feedback.tau)));
+    peak_torque_Nm_ = std::max(peak_torque_Nm_, std::abs(torque));
   }
 }
 
@@ -140,7 +140,7 @@ void RolloutMeasures::add_references(const TickRecord& record) {
     return;
   }
   for (std::size_t joint = 0; joint < header.joint_count; ++joint) {
-    const double velocity = static_cast<double>(record.joints[joint].dq_reference);
+    const double velocity = static_cast<double>(record.joints[joint].dq_reference) / per_rad_[joint];
     const double step = velocity - std::exchange(velocity_[joint], velocity);
     const double acceleration = step / dt;
     const double jerk = (acceleration - std::exchange(acceleration_[joint], acceleration)) / dt;

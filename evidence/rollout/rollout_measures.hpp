@@ -36,7 +36,11 @@ struct TruthOfTick {
 class RolloutMeasures {
  public:
   // `disturbance` outlives this.
-  RolloutMeasures(const Score& score, const Disturbance& disturbance) : score_(score), disturbance_(disturbance) {}
+  RolloutMeasures(const Score& score, const Disturbance& disturbance, const config::RobotConfig& robot)
+      : score_(score), disturbance_(disturbance) {
+    for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
+      per_rad_[joint] = config::per_rad(robot.joints[joint]);
+  }
   RolloutMeasures(const RolloutMeasures&) = delete;
   RolloutMeasures& operator=(const RolloutMeasures&) = delete;
 
@@ -59,6 +63,7 @@ class RolloutMeasures {
 
   const Score score_;
   const Disturbance& disturbance_;
+  std::array<double, kMaxJoints> per_rad_{};  // what is said of all joints together is of a slide's motor
   monitor::RunMetrics metrics_;
   monitor::MetricsCollector collector_{metrics_};
   std::vector<std::int64_t> errors_nm_;  // of scored ticks

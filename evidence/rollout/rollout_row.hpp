@@ -111,6 +111,7 @@ struct RolloutRow {
   std::array<std::uint64_t, kInterventionCount> interventions{};  // joint-ticks by kind
   std::array<double, kModeCount> mode_share{};                    // share of ticks, 0..1
   double energy_J = 0;                                            // integral of |torque * velocity|
+  // Of the rest a slide's are its motor's.
   double peak_torque_Nm = 0;
   double torque_rate_Nm_s = 0;         // mean |change of torque| per time, of all joints together
   double peak_reference_jerk = 0;      // rad/s^3, of any joint's reference while the policy was played

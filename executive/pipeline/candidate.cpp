@@ -218,7 +218,7 @@ void compare_candidate(TickState& state, const Choice& choice, std::span<const J
                                             config.period.seconds());
     joint.candidate_reference = step.next;
     if ((step.interventions & kMotionLimits) != 0) out.beyond_limits |= bit_of_joint(j);
-    out.distance = std::max(out.distance, std::abs(asked[j].q - targets[j].q));
+    out.distance = std::max(out.distance, std::abs(asked[j].q - targets[j].q) / limits.per_rad);
   }
 }
 

@@ -178,23 +178,28 @@ void add_safety(Fields& fields) {
                     at(&RolloutRow::energy_J),
                     {},
                     kNotNegative});
-  fields.push_back(
-      {"peak_torque_Nm", "Nm", "largest |torque| of any joint", at(&RolloutRow::peak_torque_Nm), {}, kNotNegative});
+  fields.push_back({"peak_torque_Nm",
+                    "Nm",
+                    "largest |torque| of any joint; of a slide, at its motor",
+                    at(&RolloutRow::peak_torque_Nm),
+                    {},
+                    kNotNegative});
   fields.push_back({"torque_rate_Nm_s",
                     "Nm/s",
-                    "mean |change of torque| per time, summed over all joints",
+                    "mean |change of torque| per time, summed over all joints; of a slide, at its motor",
                     at(&RolloutRow::torque_rate_Nm_s),
                     {},
                     kNotNegative});
   fields.push_back({"peak_reference_jerk",
                     "rad/s^3",
-                    "largest |jerk| of any joint's reference while the policy was played",
+                    "largest |jerk| of any joint's reference while the policy was played; of a slide, at its motor",
                     at(&RolloutRow::peak_reference_jerk),
                     {},
                     kNotNegative});
   fields.push_back({"peak_join_velocity_step",
                     "rad/s",
-                    "largest change of any joint's reference velocity in a tick in which a new command took over",
+                    "largest change of any joint's reference velocity in a tick in which a new command took over; of a "
+                    "slide, at its motor",
                     at(&RolloutRow::peak_join_velocity_step),
                     {},
                     kNotNegative});

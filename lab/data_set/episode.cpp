@@ -149,9 +149,10 @@ void EpisodeCutter::frame(const TickRecord& record, const CommandChunk& chunk) {
 }
 
 Robot robot_of(const config::RobotConfig& config) {
-  Robot robot{config.robot, {}, {}, config.policy->period, config.policy->action.kind};
+  Robot robot{config.robot, {}, {}, config.policy->period, config.policy->action.kind, {}};
   for (const config::Joint& joint : config.joints) {
     robot.joints.push_back(joint.name);
+    if (joint.kind == config::JointKind::slide) robot.slides.push_back(joint.name);
     if (!joint.passive) robot.acting_joints.push_back(joint.name);
   }
   return robot;
@@ -191,12 +192,16 @@ std::string difference(const Robot& one, const Robot& other) {
     return fmt::format("one is of {} {}, the other of {}", what, mine, theirs);
   };
   const auto joints = [](const Robot& robot) { return fmt::format("{}", fmt::join(robot.joints, ", ")); };
+  const auto slides = [](const Robot& robot) {
+    return robot.slides.empty() ? "none" : fmt::format("{}", fmt::join(robot.slides, ", "));
+  };
   const auto period = [](const Robot& robot) {
     return fmt::format("{} ms", static_cast<double>(robot.period.ns) * 1e-6);
   };
   if (one.name != other.name) return of("robot", one.name, other.name);
   if (one.joints != other.joints || one.acting_joints != other.acting_joints)
     return of("joints", joints(one), joints(other));
+  if (one.slides != other.slides) return of("slides", slides(one), slides(other));
   if (one.period != other.period) return of("a policy with period", period(one), period(other));
   if (one.action != other.action) return of("actions that are", name(one.action), name(other.action));
   return "";

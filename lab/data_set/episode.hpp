@@ -5,7 +5,7 @@
 // A frame is an observation that was published while the robot tracked its policy. Its state is what the policy was
 // given then: q (rad) of every joint, then dq (rad/s) of every joint. Its action is what the policy asked for at that
 // instant: the step being played of the command in use, as the policy sent it, before joins and limits; rad, rad/s or
-// Nm by policy.action.kind, of every joint but passive ones.
+// Nm by policy.action.kind, of every joint but passive ones. Of a slide all of it is in m, m/s and N.
 //
 // An episode ends with the first tick in which something else moved the robot (standby, degraded mode, a stop, the
 // fallback policy), with a tick or command that is not in the recording, where another policy took charge, and where
@@ -27,6 +27,7 @@ struct Robot {
   std::vector<std::string> joints, acting_joints;
   Duration period;  // between frames
   config::ActionKind action = config::ActionKind::joint_position;
+  std::vector<std::string> slides{};  // of `joints`
 };
 
 struct Episode {

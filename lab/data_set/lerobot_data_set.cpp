@@ -47,19 +47,22 @@ std::string_view suffix_of(config::ActionKind kind) {
   return {};
 }
 
-void name_values(Feature& feature, const std::vector<std::string>& joints, config::ActionKind kind) {
+void name_values(Feature& feature, const Robot& robot, const std::vector<std::string>& joints,
+                 config::ActionKind kind) {
   for (const std::string& joint : joints) {
     feature.names.push_back(joint + std::string(suffix_of(kind)));
-    feature.units.emplace_back(config::target_of(kind).unit);
+    const bool slides = std::ranges::find(robot.slides, joint) != robot.slides.end();
+    feature.units.emplace_back(
+        config::target_of(kind).quantity.unit(slides ? config::JointKind::slide : config::JointKind::hinge));
   }
 }
 
 std::vector<Feature> features_of(const Robot& robot) {
   Feature state{"observation.state", ParquetType::float32};
-  name_values(state, robot.joints, config::ActionKind::joint_position);
-  name_values(state, robot.joints, config::ActionKind::joint_velocity);
+  name_values(state, robot, robot.joints, config::ActionKind::joint_position);
+  name_values(state, robot, robot.joints, config::ActionKind::joint_velocity);
   Feature action{"action", ParquetType::float32};
-  name_values(action, robot.acting_joints, robot.action);
+  name_values(action, robot, robot.acting_joints, robot.action);
   return {std::move(state),
           std::move(action),
           {"timestamp", ParquetType::float32},

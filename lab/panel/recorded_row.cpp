@@ -73,8 +73,9 @@ std::expected<std::vector<TruthAt>, std::string> read_truth(const std::string& p
 // Ticks in order, from the first in tracking on.
 class Measuring {
  public:
-  Measuring(const RecordedRollout& rollout, std::vector<TruthAt> truths, RolloutWatch& watch)
-      : rollout_(rollout), truths_(std::move(truths)), watch_(watch) {}
+  Measuring(const RecordedRollout& rollout, const config::RobotConfig& robot, std::vector<TruthAt> truths,
+            RolloutWatch& watch)
+      : rollout_(rollout), robot_(robot), truths_(std::move(truths)), watch_(watch) {}
 
   void command(const monitor::RecordedCommand& command) {
     if (measures_) watch_.command(command);
@@ -107,10 +108,11 @@ class Measuring {
     began_ = now;
     disturbance_.emplace(rollout_.perturbation, now);
     measures_ = std::make_unique<RolloutMeasures>(
-        Score{now + kSettle, now + (rollout_.duration - rollout_.scored), rollout_.bound_m}, *disturbance_);
+        Score{now + kSettle, now + (rollout_.duration - rollout_.scored), rollout_.bound_m}, *disturbance_, robot_);
   }
 
   const RecordedRollout& rollout_;
+  const config::RobotConfig& robot_;
   std::vector<TruthAt> truths_;
   RolloutWatch& watch_;
   std::size_t next_ = 0;  // the truth that holds
@@ -138,7 +140,7 @@ std::expected<void, std::string> measure_recorded(const RecordedRollout& rollout
   if (!run) return std::unexpected(run.error());
   auto truths = read_truth(rollout.truth_file, rollout.task, run->robot);
   if (!truths) return std::unexpected(truths.error());
-  Measuring measuring(rollout, std::move(*truths), watch);
+  Measuring measuring(rollout, run->robot, std::move(*truths), watch);
   const auto scanned = monitor::scan_run(*run, {.tick = [&](const auto& tick) { measuring.tick(tick.record); },
                                                 .command = [&](const auto& command) { measuring.command(command); },
                                                 .keyframe = {},

@@ -115,7 +115,7 @@ constexpr TickField kHeaderFields[] = {
     {"candidate_beyond_limits", u64, CANDIDATE(beyond_limits), out,
      "bit per joint: its path would touch a limit of velocity or acceleration"},
     {"candidate_distance", f32, CANDIDATE(distance), out,
-     "rad, of its targets from those in use, of the farthest joint"},
+     "rad, of a slide at its motor, of its targets from those in use, of the farthest joint"},
     {"candidate_mailbox", u8, SEAT(candidate, mailbox), in, "ARRIVAL values; accepted: a message was read"},
     {"candidate_session", u8, SEAT(candidate, session), in, "changes when another mailbox is read"},
     {"candidate_arrival", u8, SEAT(candidate, arrival), out, "ARRIVAL values; verdict on the message read"},

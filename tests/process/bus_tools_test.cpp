@@ -381,6 +381,10 @@ TEST_F(ToolsOfASlide, JogAndHomeAreInMillimetres) {
   EXPECT_NEAR(back.json().at("moved_m").get<double>(), -0.005, 0.002) << back.output;
   EXPECT_NEAR(back.json().at("from_m").get<double>(), 0.055, 0.002) << back.output;
   EXPECT_FALSE(back.json().contains("moved_rad")) << back.output;
+  const auto joints = takt({"bus", "watch", "--seconds", "1", "--json"}).json().at("joints");
+  EXPECT_NEAR(joints.at(0).at("q_m").get<double>(), 0.05, 0.002) << joints;
+  EXPECT_TRUE(joints.at(0).contains("tau_N") && !joints.at(0).contains("q_rad")) << joints;
+  EXPECT_TRUE(joints.at(1).contains("q_rad") && joints.at(1).contains("tau_Nm")) << joints;
 }
 
 TEST_F(BusTools, HomeIsForDrivesThatForgetIt) {

@@ -183,6 +183,30 @@ TEST(DriveCard, OfAPositionDriveHasItsWindow) {
   EXPECT_EQ(entry(card_after_set_up(drive, drive), following_window).value, "no such row");
 }
 
+// Goal: the window of a slide's drive is a length. Method: what a drive with 131072 counts per turn answers, on 100 rad
+// to a metre.
+TEST(DriveCard, OfASlidesPositionDriveTheWindowIsALength) {
+  config::RobotConfig robot;
+  robot.joints.resize(1);
+  config::Joint& slide = robot.joints[0];
+  slide.kind = config::JointKind::slide;
+  slide.drive = drive_of(config::DriveProtocol::cia402);
+  slide.drive.mode = config::Cia402Mode::csp;
+  slide.drive.gear_ratio = 100;
+  DriveCard card(robot, 0);
+  const auto answer = [&card](std::uint16_t object, std::uint16_t value) {
+    const auto low = [](std::uint16_t word) { return static_cast<std::uint8_t>(word & 0xFFU); };
+    const auto high = [](std::uint16_t word) { return static_cast<std::uint8_t>(word >> 8U); };
+    drivers::CanFrame frame{.id = 0x583, .length = 8};
+    const std::uint8_t bytes[] = {0x43, low(object), high(object), 0, low(value), high(value), 0, 0};
+    std::ranges::copy(bytes, frame.data);
+    (void)card.take(frame);
+  };
+  answer(0x6065, 20861);  // a radian of the motor
+  answer(0x6066, 300);
+  EXPECT_EQ(entry(card.entries(), following_window).value, "0.01 m for 300 ms");
+}
+
 // What refuses arming stands on the card with both values.
 TEST(DriveCard, SaysBothSidesOfADifference) {
   Drive file = drive_of(config::DriveProtocol::mit, "DM4310", "damiao");

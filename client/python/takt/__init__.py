@@ -23,7 +23,7 @@ takt.open(FOLDER) reads a run or a panel's artifact as tables of pandas.
 A policy that infers on another machine is a client of its server: see takt.servers.
 
 Joints are those of the robot file, in its order (`robot.joints`). Units: q rad, dq rad/s, tau Nm, kp Nm/rad, kd Nms/rad;
-stamps in ns of the clock of time.monotonic_ns(). Arrays are float32. Everything belongs to the thread that connected.
+of a slide m, m/s, N, N/m, Ns/m; stamps in ns of the clock of time.monotonic_ns(). Arrays are float32. Everything belongs to the thread that connected.
 """
 from takt._policy import Alternatives, Assumption, Chunk, Image, Joints, Observation, Policy, Queue, Robot, Stream, chunk, connect, image, joints, queue, stream
 from takt._refused import Refused

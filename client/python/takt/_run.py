@@ -44,7 +44,8 @@ def _lines(path: pathlib.Path) -> List[Any]:
 class Run:
     """A run folder. Tables are read when they are first asked for, and kept.
 
-    Times are ns of CLOCK_MONOTONIC (`s`: seconds since the first tick); angles rad, speeds rad/s, torques Nm, gains Nm/rad and Nms/rad.
+    Times are ns of CLOCK_MONOTONIC (`s`: seconds since the first tick); angles rad, speeds rad/s, torques Nm, gains Nm/rad and Nms/rad;
+    of a slide m, m/s, N, N/m and Ns/m.
     """
 
     def __init__(self, folder: pathlib.Path) -> None:

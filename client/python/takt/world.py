@@ -19,7 +19,7 @@
 A world that sees for the robot puts images into its states (`Image`): `serve(..., cameras={"cam0": (48, 64, 1)})`, and then
 `State(..., images={"cam0": world.Image(pixels)})` whenever one is due.
 
-Joints are those of the robot file, in its order. Units: rad, rad/s, Nm, s; an IMU's in `Imu`. Arrays are float64; those that are
+Joints are those of the robot file, in its order. Units: rad, rad/s, Nm, s; of a slide m, m/s, N; an IMU's in `Imu`. Arrays are float64; those that are
 passed in are good until the call returns. An exception of reset or step leaves serve(), and Takt is told its text.
 """
 import mmap

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <numbers>
 
+#include "config/joint_units.hpp"
 #include "drivers/protocol/cia402/cia402_driver.hpp"
 #include "drivers/protocol/drive_timeout.hpp"
 
@@ -100,9 +101,11 @@ std::vector<CardRow> torque_rows(const config::Drive& drive) {
 }
 
 // How far from its target, and for how long, the drive lets its motor be before it faults.
-CardRow following_row(const config::Drive& drive) {
+CardRow following_row(const config::Joint& joint) {
+  const config::Drive& drive = joint.drive;
   constexpr std::uint32_t kNone = 0xFFFF'FFFF;
-  const double rad_per_count = 2 * std::numbers::pi / static_cast<double>(drive.counts_per_turn) / drive.gear_ratio;
+  const double per_count = 2 * std::numbers::pi / static_cast<double>(drive.counts_per_turn) / drive.gear_ratio;
+  const char* const unit = config::kJointPosition.unit(joint.kind).data();
   return {.item = CardItem::following_window,
           .source = "objects 6065:00, 6066:00",
           .expected = {},
@@ -110,7 +113,7 @@ CardRow following_row(const config::Drive& drive) {
           .text = [=](std::span<const std::uint32_t> values) {
             if (values[0] == kNone) return std::string("none: the drive does not watch it");
             std::array<char, 80> text{};
-            std::snprintf(text.data(), text.size(), "%.3g rad for %u ms", values[0] * rad_per_count, values[1]);
+            std::snprintf(text.data(), text.size(), "%.3g %s for %u ms", values[0] * per_count, unit, values[1]);
             return std::string(text.data());
           }};
 }
@@ -144,7 +147,7 @@ std::vector<CardRow> cia402_card_rows(const config::RobotConfig& robot, std::siz
       mode_row(drive.mode)};
   for (CardRow& row : torque_rows(drive)) rows.push_back(std::move(row));
   if (drive.mode == config::Cia402Mode::csv) rows.push_back(unit_row());
-  if (drive.mode == config::Cia402Mode::csp) rows.push_back(following_row(drive));
+  if (drive.mode == config::Cia402Mode::csp) rows.push_back(following_row(robot.joints[joint]));
   rows.push_back(watchdog_row("object 1400:05", kDeadline, milliseconds(1)));
   rows.push_back(watchdog_row("object 1016:01", kHeartbeatWatch, milliseconds(1)));
   rows.push_back(untold(home));

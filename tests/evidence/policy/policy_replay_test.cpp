@@ -328,6 +328,18 @@ TEST_F(PolicyReplayTest, AnotherFileGivesTheDistancesOfItsTargets) {
   EXPECT_TRUE(replayed(recorded, options).agrees());
 }
 
+// Goal: what is said of a slide's targets is in its unit. Method: one of two joints slides.
+TEST_F(PolicyReplayTest, ASlidesTargetsAreInMetres) {
+  auto robot_of = robot(write("policy.onnx", forgetful(10)));
+  robot_of.joints[1].kind = config::JointKind::slide;
+  const auto report = replayed(run(robot_of, answers(robot_of, {1})), {write("other.onnx", forgetful(11)), 0.15});
+  const PolicyReplay& policy = report.policies.front();
+  EXPECT_EQ(policy.unit, "rad (slides: m)");
+  EXPECT_EQ(policy.joints[0].unit, "rad");
+  EXPECT_EQ(policy.joints[1].unit, "m");
+  EXPECT_EQ(to_json(report).at("policies").at(0).at("joints").at(1).at("unit"), "m");
+}
+
 // A distance of NaN compares with nothing: it must not pass for a small one.
 TEST_F(PolicyReplayTest, ATargetThatIsNoNumberIsBeyondAnyTolerance) {
   const auto robot_of = robot(write("policy.onnx", forgetful(10)));

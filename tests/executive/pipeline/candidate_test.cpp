@@ -125,6 +125,18 @@ class TwoHosts {
   }
 };
 
+// Goal: a candidate's distance is one number of hinges and slides. Method: the middle joint a slide by whose motor half
+// a metre is a radian.
+TEST(Candidate, ItsDistanceIsOfASlidesMotor) {
+  TickConfig config = robot_on_probation();
+  config.joints[1].limits.per_rad = 0.5F;
+  TwoHosts two(config);
+  two.start_candidate();
+  two.arm();
+  for (int i = 0; i < 100; ++i) two.tick();
+  EXPECT_NEAR(two.header().candidate.distance, 1.6F, 1e-4F);
+}
+
 TEST(Candidate, IsJudgedAndComparedAndMovesNothing) {
   TwoHosts alone(robot_on_probation()), two(robot_on_probation());
   two.start_candidate();

@@ -292,17 +292,19 @@ TEST_F(Episodes, AnActionIsOfThePolicysKindAndOfJointsThatAct) {
   RecordedRun other = run();
   other.robot.policy->action.kind = config::ActionKind::joint_velocity;
   other.robot.joints[5].passive = true;
+  other.robot.joints[4].kind = config::JointKind::slide;
   const auto found = episodes_of(other);
   ASSERT_TRUE(found);
   const Episode& episode = found->episodes.front();
   EXPECT_EQ(found->robot.acting_joints.size(), 5U);
+  EXPECT_EQ(found->robot.slides, std::vector{other.robot.joints[4].name});
   EXPECT_EQ(episode.actions.size(), 5 * episode.frames);
   EXPECT_EQ(episode.states.size(), 12 * episode.frames);
   EXPECT_TRUE(std::ranges::all_of(episode.actions, [](float value) { return value == 0; })) << "its policy sends no dq";
 }
 
 TEST(DataSetRobot, WhatCannotStandTogetherIsSaid) {
-  const Robot arm{"arm", {"a", "b"}, {"a"}, milliseconds(20), config::ActionKind::joint_position};
+  const Robot arm{"arm", {"a", "b"}, {"a"}, milliseconds(20), config::ActionKind::joint_position, {}};
   const auto with = [&](auto change) {
     Robot other = arm;
     change(other);
@@ -311,6 +313,7 @@ TEST(DataSetRobot, WhatCannotStandTogetherIsSaid) {
   EXPECT_EQ(difference(arm, arm), "");
   EXPECT_EQ(with([](Robot& other) { other.name = "leg"; }), "one is of robot arm, the other of leg");
   EXPECT_EQ(with([](Robot& other) { other.joints = {"a", "c"}; }), "one is of joints a, b, the other of a, c");
+  EXPECT_EQ(with([](Robot& other) { other.slides = {"b"}; }), "one is of slides none, the other of b");
   EXPECT_EQ(with([](Robot& other) { other.period = milliseconds(10); }),
             "one is of a policy with period 20 ms, the other of 10 ms");
   EXPECT_EQ(with([](Robot& other) { other.action = config::ActionKind::joint_torque; }),

@@ -17,7 +17,7 @@ namespace {
 RunEpisodes small_run() {
   RunEpisodes run;
   run.run_id = "small";
-  run.robot = {"cart", {"slide", "pivot"}, {"slide"}, milliseconds(67), config::ActionKind::joint_torque};
+  run.robot = {"cart", {"slide", "pivot"}, {"slide"}, milliseconds(67), config::ActionKind::joint_torque, {}};
   run.policy_sha256 = "1122334455667788" + std::string(48, 'a');
   run.episodes.push_back(
       {0x1122334455667788, 100, 234, 3, {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}, {0.5F, 1.5F, 2.5F}});
@@ -48,6 +48,16 @@ TEST_F(LerobotDataSet, FeaturesAreNamedByJointWithUnits) {
   const auto origin = nlohmann::json::parse(std::ifstream(path("deep/set/meta/takt.json"))).at("episodes").at(0);
   EXPECT_EQ(origin.at("run_id"), "small");
   EXPECT_EQ(origin.at("last_tick"), 234);
+}
+
+// Goal: a joint that slides is in its own units. Method: the same run, of a robot whose file says that it does.
+TEST_F(LerobotDataSet, ASlideIsInMetresAndNewtons) {
+  RunEpisodes run = small_run();
+  run.robot.slides = {"slide"};
+  ASSERT_TRUE(write_lerobot({&run, 1}, "balance", path("set")));
+  const auto features = nlohmann::json::parse(std::ifstream(path("set/meta/info.json"))).at("features");
+  EXPECT_EQ(features.at("action").at("units"), nlohmann::json::array({"N"}));
+  EXPECT_EQ(features.at("observation.state").at("units"), nlohmann::json::array({"m", "rad", "m/s", "rad/s"}));
 }
 
 // After a change of policy in the run, the manifest speaks of another policy.
