@@ -161,8 +161,6 @@ void check_fallbacks(const RobotConfig& robot, Checker& checker) {
   for (const Fallback& fallback : robot.fallbacks) {
     const std::string path = fmt::format("fallbacks.{}", fallback.name);
     if (fallback.kind == FallbackKind::state_feedback) check_feedback_rows(robot, fallback, path, checker);
-    checker.require(fallback.kind != FallbackKind::state_feedback || !has_slides(robot), path + ".kind",
-                    "state_feedback has gains in Nm/rad alone, and a joint slides; write pose or policy");
     if (fallback.kind == FallbackKind::policy) check_fallback_policy(robot, fallback, path, checker);
     for (std::size_t j = 0; j < robot.joints.size() && j < fallback.pose.size(); ++j) {
       const Joint& joint = robot.joints[j];

@@ -348,8 +348,6 @@ void check_policy(const RobotConfig& robot, Checker& checker) {
   check_action(robot, policy.action, checker);
   if (policy.monitors) check_monitors(*policy.monitors, checker);
   if (policy.sampler) check_sampler(policy, checker);
-  checker.require(policy.action.offset != OffsetKind::values || !has_slides(robot), "policy.action.offset",
-                  "is a list of angles, and a joint slides; write zero, home or measured");
   if (policy.speculation) check_speculation(robot, *policy.speculation, checker);
 }
 

@@ -337,6 +337,18 @@ std::optional<double> end_of(const ModelJoint& joint, bool high, const ImportOpt
   return high ? far : -far;
 }
 
+// Of joints that a model lets turn or slide without end; empty: there are none.
+std::string range_remark(const std::vector<ImportedJoint>& joints, const ImportOptions& options) {
+  std::string without;
+  for (const ImportedJoint& joint : joints)
+    if (joint.is_in_model && !joint.known.position) without += (without.empty() ? "" : ", ") + joint.name;
+  if (without.empty() || !options.simulated) return {};
+  return fmt::format(
+      "without a range in the model: {}. limits.position is made up, a turn to either side (a slide {} m); widen it, "
+      "and drive.position_range, of a wheel",
+      without, kMadeUpWay);
+}
+
 // What a simulated robot's drive can do there.
 struct MadeUpMotion {
   double velocity, acceleration;
@@ -494,19 +506,22 @@ std::string terms_text(const DeployFile& deploy, const ImportOptions& options) {
 }
 
 // As trained: one target, held, with no velocity. What a chunk's steps are to each other its author alone knows.
-std::string action_text(const DeployFile& deploy, const ImportOptions& options) {
+std::string action_text(const DeployFile& deploy, const std::vector<ImportedJoint>& joints,
+                        const ImportOptions& options) {
   if (const auto& tensors = deploy.tensors) {
-    std::vector<std::string> joints, outputs;
-    for (const std::size_t joint : tensors->action_joints) joints.push_back(joint_name(options, joint));
+    std::vector<std::string> names, outputs;
+    for (const std::size_t joint : tensors->action_joints) names.push_back(joint_name(options, joint));
     for (const auto& [key, name] : tensors->outputs) outputs.push_back(fmt::format("{}: {}", key, in_quotes(name)));
     return fmt::format("  action:\n    kind: {}\n    interpolation: {}\n    scale: 1\n    offset: zero\n{}{}",
                        tensors->action_kind, tensors->steps == 1 ? "hold" : kUnfilled,
-                       joints.empty() ? "" : fmt::format("    joints: [{}]\n", fmt::join(joints, ", ")),
+                       names.empty() ? "" : fmt::format("    joints: [{}]\n", fmt::join(names, ", ")),
                        outputs.empty() ? "" : fmt::format("    outputs: {{ {} }}\n", fmt::join(outputs, ", ")));
   }
   const bool offset_is_home = deploy.action_joints.empty() && deploy.action_offset == deploy.default_position;
   std::vector<std::string> offsets;
-  for (const double offset : deploy.action_offset) offsets.push_back(fmt::format("{} rad", offset));
+  const auto& acting = deploy.action_joints.empty() ? deploy.robot_joint : deploy.action_joints;
+  for (std::size_t i = 0; i < deploy.action_offset.size(); ++i)
+    offsets.push_back(fmt::format("{} {}", deploy.action_offset[i], kJointPosition.unit(joints[acting[i]].known.kind)));
   const std::string offset = deploy.action_kind != "joint_position" ? "zero"
                              : offsets.empty()                      ? kUnfilled
                                                                     : fmt::format("[{}]", fmt::join(offsets, ", "));
@@ -526,7 +541,8 @@ std::string steps_text(const DeployFile& deploy) {
       duration_or_unfilled(deploy.step_dt * kTargetLastsPeriods));
 }
 
-std::string policy_text(const DeployFile& deploy, const ImportOptions& options) {
+std::string policy_text(const DeployFile& deploy, const std::vector<ImportedJoint>& joints,
+                        const ImportOptions& options) {
   std::vector<std::string> order;
   for (const std::size_t joint : deploy.robot_joint) order.push_back(joint_name(options, joint));
   const std::string input = deploy.tensors ? deploy.tensors->input : options.input;
@@ -545,7 +561,7 @@ std::string policy_text(const DeployFile& deploy, const ImportOptions& options) 
       in_quotes(options.policy_file), duration_or_unfilled(deploy.step_dt), steps_text(deploy), names,
       fmt::join(order, ", "), deploy.history_by_time ? "by_time" : "by_term",
       deploy.newest_first ? "  history_order: newest_first\n" : "", terms_text(deploy, options),
-      action_text(deploy, options));
+      action_text(deploy, joints, options));
 }
 
 std::string count_problem(std::size_t in_model, std::size_t moved) {
@@ -615,9 +631,12 @@ std::expected<std::string, std::string> import_deploy_file(const DeployFile& dep
     return std::unexpected(
         "a simulated robot needs the policy's period, which this export does not say; name it by --period");
   const std::vector<ImportedJoint> imported = joints_of(deploy, options);
+  if (std::string remark = range_remark(imported, options); !remark.empty()) remarks.push_back(std::move(remark));
   return header_text(deploy, options, remarks) + defaults_text(imported, options) +
          joints_text(imported, deploy, options) +
-         (options.policy_file.empty() ? "" : sensors_text(deploy, options.simulated) + policy_text(deploy, options)) +
+         (options.policy_file.empty()
+              ? ""
+              : sensors_text(deploy, options.simulated) + policy_text(deploy, imported, options)) +
          (options.simulated ? simulation_text(options) + kBeforeARealRobot : "") +
          (options.policy_file.empty() ? kNoPolicy : "");
 }

@@ -37,7 +37,8 @@ struct Key {
     std::string_view cure;
   };
   std::optional<Other> other{};
-  std::span<const Dimension> each{};  // quantities: of each value; empty: all are in one dimension
+  std::span<const Dimension> each{};   // quantities: of each value; empty: all are in one dimension
+  std::span<const Dimension> mixed{};  // that a value may be in besides, between joints of two kinds
 };
 
 struct Range {
@@ -106,6 +107,8 @@ class Fields {
                               const ItemBody& item) = 0;
   // What the section's other keys mean depends on a value that is not known: none is asked for or complained about.
   virtual void leave_the_rest() {}
+  // What a list of names further down in the section says in the file that is read; what is written has it already.
+  [[nodiscard]] virtual std::vector<std::string> names_ahead(std::string_view /*key*/) const { return {}; }
   // True where keys that depend on another key's value are to be shown all the same (the key table).
   [[nodiscard]] virtual bool shows_all() const { return false; }
 

@@ -4,9 +4,9 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <utility>
+#include <vector>
 
 #include "config/based_on.hpp"
 #include "config/fields.hpp"
@@ -28,7 +28,7 @@ Json plain_number(Range range) {
   return {{"anyOf", {number, {{"type", "string"}, {"pattern", fmt::format("^{}$", kNumber)}}}}};
 }
 
-Json quantity_in(std::initializer_list<Dimension> dimensions) {
+Json quantity_in(const std::vector<Dimension>& dimensions) {
   std::string unit;
   for (const Dimension dimension : dimensions)
     for (const Unit& one : units())
@@ -41,7 +41,10 @@ Json value_of(const Key& key, Dimension dimension, Range range) {
   if (dimension == Dimension::none)
     return key.other ? Json{{"anyOf", {plain_number(range), quantity_in({key.other->dimension})}}}
                      : plain_number(range);
-  return key.other ? quantity_in({dimension, key.other->dimension}) : quantity_in({dimension});
+  std::vector<Dimension> dimensions{dimension};
+  if (key.other) dimensions.push_back(key.other->dimension);
+  dimensions.insert(dimensions.end(), key.mixed.begin(), key.mixed.end());
+  return quantity_in(dimensions);
 }
 
 Json list_of(Json items, std::size_t least, std::size_t most) {

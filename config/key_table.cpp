@@ -24,7 +24,10 @@ std::string range_symbols(Range range) {
 
 std::string unit_text(const Key& key, Dimension dimension) {
   const std::string_view unit = dimension == Dimension::none ? "number" : base_symbol(dimension);
-  return key.other ? fmt::format("{} (slide: {})", unit, base_symbol(key.other->dimension)) : std::string(unit);
+  if (!key.other) return std::string(unit);
+  std::string others(base_symbol(key.other->dimension));
+  for (const Dimension mixed : key.mixed) others += fmt::format(", {}", base_symbol(mixed));
+  return fmt::format("{} (slide: {})", unit, others);
 }
 
 // One row per key; a section that may be left out gives a row, and every section a longer path.

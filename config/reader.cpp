@@ -341,6 +341,13 @@ void Reader::word_or_quantities(const Key& key, std::size_t& word, Words words, 
   word = static_cast<std::size_t>(std::ranges::find(words, node->text) - words.begin());
 }
 
+std::vector<std::string> Reader::names_ahead(std::string_view key) const {
+  std::vector<std::string> names;
+  if (const Node* node = node_.find(key))
+    for (const Node& item : node->items) names.push_back(item.text);
+  return names;
+}
+
 void Reader::read_section(const Node& node, const Key& key, const std::string& path, const Body& body) {
   if (!expect(node, Node::Kind::map, key, "its keys below it, indented, or {key: value}")) return;
   Reader reader(node, path, problems_, places_);

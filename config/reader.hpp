@@ -47,6 +47,7 @@ class Reader final : public Fields {
   void named_sections(const Key& key, std::vector<std::string> names,
                       const std::function<void(const std::vector<std::string>&)>& set_names,
                       const ItemBody& item) override;
+  [[nodiscard]] std::vector<std::string> names_ahead(std::string_view key) const override;
   void leave_the_rest() override { rest_is_left_ = true; }
 
  private:

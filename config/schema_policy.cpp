@@ -159,7 +159,24 @@ void describe_join(Fields& fields, Join& join) {
                   microseconds(100), seconds(10));
 }
 
-void describe_action(Fields& fields, Action& action, Words joints) {
+// Of each output's offset, by its joint, which the file may name further down.
+std::vector<Dimension> offset_dimensions(const Fields& fields, const Policy& policy, const RobotConfig& robot) {
+  std::vector<Dimension> dimensions;
+  const auto add = [&dimensions](const Joint& joint) { dimensions.push_back(kJointPosition.of(joint.kind)); };
+  for (const std::string& name : fields.names_ahead("joints")) {
+    const auto joint = std::ranges::find(robot.joints, name, &Joint::name);
+    add(joint == robot.joints.end() ? Joint{} : *joint);
+  }
+  const auto& given = policy.action.joint_of_output;
+  if (dimensions.empty())
+    for (const std::size_t joint : given.empty() ? policy.joint_order : given) add(robot.joints[joint]);
+  if (dimensions.empty())
+    for (const Joint& joint : robot.joints) add(joint);
+  return dimensions;
+}
+
+void describe_action(Fields& fields, Policy& policy, const RobotConfig& robot, Words joints) {
+  Action& action = policy.action;
   constexpr std::array<std::string_view, 3> kOffsets{"zero", "home", "measured"};
   fields.choice({"kind", "target = offset + scale * output", "joint_position"}, action.kind, kActionKinds);
   fields.choice(
@@ -170,9 +187,14 @@ void describe_action(Fields& fields, Action& action, Words joints) {
   fields.section({"join", "how a new chunk takes over", "{}"}, [&](Fields& f) { describe_join(f, action.join); });
   fields.quantities({"scale", "factor in rad, rad/s or Nm; slide: m, m/s or N", "1"}, action.scale, Dimension::none,
                     any_value(), {.low = 1, .high = kMaxJoints, .single_allowed = true});
+  const std::vector<Dimension> dimensions = offset_dimensions(fields, policy, robot);
   auto offset = static_cast<std::size_t>(action.offset);
-  fields.word_or_quantities({"offset", "home, zero, measured (the observation's), or per output", "home"}, offset,
-                            kOffsets, action.offset_values, Dimension::angle, any_value(),
+  fields.word_or_quantities({.name = "offset",
+                             .doc = "home, zero, measured (the observation's), or per output",
+                             .otherwise = "home",
+                             .other = Key::Other{Dimension::length, {}},
+                             .each = dimensions},
+                            offset, kOffsets, action.offset_values, Dimension::angle, any_value(),
                             {.low = 1, .high = kMaxJoints});
   action.offset = static_cast<OffsetKind>(offset);
   fields.references({"joints", "joint of each output; empty: joint_order", "[]"}, action.joint_of_output, joints,
@@ -277,7 +299,7 @@ void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& 
   fields.each({"observation", "terms, in the input's order"}, policy.observation, kMaxTerms,
               [&](Fields& f, ObservationTerm& term) { describe_term(f, term, sensors, joints); });
   fields.section({"action", "how outputs become joint targets", "{}"},
-                 [&](Fields& f) { describe_action(f, policy.action, joints); });
+                 [&](Fields& f) { describe_action(f, policy, robot, joints); });
   bool monitored = policy.monitors.has_value();
   fields.optional_section({"monitors", "scores of answers; a catch is recorded, no more"}, monitored, [&](Fields& f) {
     if (!policy.monitors) policy.monitors.emplace();
@@ -296,13 +318,30 @@ void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& 
                           });
 }
 
-void describe_feedback_row(Fields& fields, FeedbackRow& row, Words joints) {
+constexpr std::array kMixedPosition{Dimension::torque_per_length, Dimension::force_per_angle};
+constexpr std::array kMixedVelocity{Dimension::torque_per_velocity, Dimension::force_per_angular_velocity};
+
+void describe_feedback_row(Fields& fields, FeedbackRow& row, const RobotConfig& robot, Words joints) {
   const Count one_each{.low = joints.size(), .high = joints.size(), .of = "joint"};
   fields.reference({"joint", "driven joint"}, row.joint, joints, "joint");
-  fields.quantities({"position", "gain on each angle beyond the pose"}, row.position, Dimension::stiffness,
-                    between(-1e5, 1e5), one_each);
-  fields.quantities({"velocity", "gain on each velocity"}, row.velocity, Dimension::damping, between(-1e5, 1e5),
-                    one_each);
+  const bool slides = !robot.joints.empty() && robot.joints[row.joint].kind == JointKind::slide;
+  std::vector<Dimension> position, velocity;
+  for (const Joint& joint : robot.joints) {
+    position.push_back((slides ? kForcePerAngle : kTorquePerAngle).of(joint.kind));
+    velocity.push_back((slides ? kForcePerVelocity : kTorquePerVelocity).of(joint.kind));
+  }
+  fields.quantities({.name = "position",
+                     .doc = "gain on each angle beyond the pose",
+                     .other = Key::Other{Dimension::linear_stiffness, {}},
+                     .each = position,
+                     .mixed = kMixedPosition},
+                    row.position, Dimension::stiffness, between(-1e5, 1e5), one_each);
+  fields.quantities({.name = "velocity",
+                     .doc = "gain on each velocity",
+                     .other = Key::Other{Dimension::linear_damping, {}},
+                     .each = velocity,
+                     .mixed = kMixedVelocity},
+                    row.velocity, Dimension::damping, between(-1e5, 1e5), one_each);
 }
 
 void describe_fallback_policy(Fields& fields, Fallback& fallback) {
@@ -337,7 +376,7 @@ void describe_fallback(Fields& fields, Fallback& fallback, const RobotConfig& ro
                     Dimension::velocity, above(0, 100));
   if (fallback.kind == FallbackKind::state_feedback || fields.shows_all())
     fields.each({"gains", "state_feedback: one row per driven joint"}, fallback.gains, kMaxJoints,
-                [&](Fields& f, FeedbackRow& row) { describe_feedback_row(f, row, joints); });
+                [&](Fields& f, FeedbackRow& row) { describe_feedback_row(f, row, robot, joints); });
   if (fallback.kind == FallbackKind::policy || fields.shows_all()) describe_fallback_policy(fields, fallback);
   fields.text({"shown_by", "attestation (`takt panel attest`) that a robot that can fall stands", "none"},
               fallback.shown_by);

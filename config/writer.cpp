@@ -106,7 +106,7 @@ void Writer::word_or_quantities(const Key& key, std::size_t& word, Words words, 
   if (!leaves_out(key, Either(word, values), [&](Reader& r, Either& v) {
         r.word_or_quantities(key, v.first, words, v.second, dimension, range, count);
       }))
-    line(key.name, word < words.size() ? std::string(words[word]) : list_of(values, dimension));
+    line(key.name, word < words.size() ? std::string(words[word]) : list_of(values, dimension, key.each));
 }
 
 void Writer::section(const Key& key, const Body& body) {

@@ -88,6 +88,57 @@ TEST(Slide, AHingeKeepsItsText) {
   EXPECT_EQ(robot->resolved.find("slide"), std::string::npos) << robot->resolved;
 }
 
+// Goal: a list of offsets has each in the unit of its output's joint. Method: outputs by joint_order (the slide first)
+// and by action.joints, which stands behind it; read back to the same hash; the units the other way round are refused.
+TEST(Slide, AnOffsetIsInItsJointsUnit) {
+  const std::string by_order = replaced(with_slide(), "offset: home }", "offset: [10 mm, 0.1 rad] }");
+  const std::string by_joints =
+      replaced(with_slide(), "offset: home }", "offset: [0.1 rad, 10 mm], joints: [hip, knee] }");
+  for (const auto& [text, values] :
+       {std::pair{by_order, std::vector{0.01, 0.1}}, std::pair{by_joints, std::vector{0.1, 0.01}}}) {
+    const auto robot = parse(text, "r");
+    ASSERT_TRUE(robot) << robot.error();
+    EXPECT_EQ(robot->policy->action.offset_values, values);
+    const auto again = parse(robot->resolved, "r");
+    ASSERT_TRUE(again) << again.error() << robot->resolved;
+    EXPECT_EQ(again->sha256, robot->sha256);
+    EXPECT_EQ(parse(with_every_default(*robot), "r").value().sha256, robot->sha256);
+  }
+  const std::string said = refusal_of(replaced(by_order, "[10 mm, 0.1 rad]", "[0.1 rad, 10 mm]"));
+  EXPECT_NE(said.find("policy.action.offset: 0.1 rad is an angle, not a length; write it in m or mm"),
+            std::string::npos)
+      << said;
+  EXPECT_NE(said.find("policy.action.offset: 10 mm is a length, not an angle; write it in rad or deg"),
+            std::string::npos)
+      << said;
+}
+
+// Goal: a gain of state feedback is in the unit of the row's joint per the list's. Method: a hinge's and a slide's row;
+// read back to the same hash; each gain in a neighbour's unit is refused.
+TEST(Slide, GainsOfStateFeedbackAreBetweenKinds) {
+  const std::string text =
+      replaced(with_slide(), "  tuck: { kind: pose, speed: 0.5 rad/s, pose: [0 rad, 10 mm] }",
+               "  tuck:\n    kind: state_feedback\n    pose: [0 rad, 10 mm]\n    gains:\n"
+               "      - { joint: hip, position: [20 Nm/rad, 300 Nm/m], velocity: [2 Nms/rad, 30 Nms/m] }\n"
+               "      - { joint: knee, position: [40 N/rad, 500 N/m], velocity: [4 Ns/rad, 50 Ns/m] }");
+  const auto robot = parse(text, "r");
+  ASSERT_TRUE(robot) << robot.error();
+  const auto& rows = robot->fallbacks[0].gains;
+  ASSERT_EQ(rows.size(), 2U);
+  EXPECT_EQ(rows[0].position, (std::vector{20.0, 300.0}));
+  EXPECT_EQ(rows[1].velocity, (std::vector{4.0, 50.0}));
+  EXPECT_EQ(parse(robot->resolved, "r").value().sha256, robot->sha256) << robot->resolved;
+  for (const auto& [from, to] :
+       {std::pair{"20 Nm/rad", "20 N/rad"}, std::pair{"300 Nm/m", "300 Nm/rad"}, std::pair{"40 N/rad", "40 N/m"},
+        std::pair{"500 N/m", "500 Nm/rad"}, std::pair{"2 Nms/rad", "2 Ns/m"}, std::pair{"30 Nms/m", "30 Ns/m"},
+        std::pair{"4 Ns/rad", "4 Nms/rad"}, std::pair{"50 Ns/m", "50 Nms/m"}}) {
+    const std::string said = refusal_of(replaced(text, from, to));
+    EXPECT_NE(said.find(std::string("; write it in ") + std::string(from).substr(std::string(from).find(' ') + 1)),
+              std::string::npos)
+        << to << ": " << said;
+  }
+}
+
 struct OtherUnit {
   std::string_view from, to, key;
 };
@@ -149,8 +200,6 @@ TEST(Slide, WhatHasNoMeaningForItIsRefused) {
           "fallbacks.tuck.pose: 0.05 m for knee is outside its limits [0, 0.04] m; move it inside");
   refused(replaced(with_slide(), "speed: 0.5 rad/s,", "speed: 0.5 rad/s, slide_speed: 1 m/s,"),
           "fallbacks.tuck.slide_speed: 1 m/s exceeds the velocity limit 0.1 m/s of knee; lower it");
-  refused(replaced(with_slide(), "offset: home }", "offset: [0 rad, 0 rad] }"),
-          "policy.action.offset: is a list of angles, and a joint slides; write zero, home or measured");
   refused(with_slide("home: 20 mm", "home: 50 mm"), "home: 0.05 m is outside limits.position [0, 0.04] m");
   refused(with_slide("velocity_hard: 0.4 m/s", "velocity_hard: 10 mm/s"),
           "0.01 m/s is below velocity 0.1 m/s; raise it");

@@ -28,9 +28,19 @@ void make_slide(JointConfig& joint) {
   limits.per_rad = kWay;
 }
 
+void make_slides(TickConfig& config) {
+  for (std::uint32_t j = 0; j < config.joint_count; ++j) {
+    make_slide(config.joints[j]);
+    for (std::uint32_t k = 0; k < config.joint_count; ++k) {
+      config.feedback_gains[j][k].position /= kWay * kWay;
+      config.feedback_gains[j][k].velocity /= kWay * kWay;
+    }
+  }
+}
+
 struct Twins {
   explicit Twins(TickConfig config) : hinges(config) {
-    for (std::uint32_t j = 0; j < config.joint_count; ++j) make_slide(config.joints[j]);
+    make_slides(config);
     slides = std::make_unique<testing::Rig>(config);
   }
   // `happens` is told what a radian is.
@@ -40,6 +50,14 @@ struct Twins {
     if (happens) happens(*slides, kWay);
     hinges.tick_with_policy(target, request);
     slides->tick_with_policy(target * kWay, request);
+    compare();
+  }
+  void go_without_policy() {
+    hinges.tick();
+    slides->tick();
+    compare();
+  }
+  void compare() const {
     const TickRecord &a = hinges.out->record, &b = slides->out->record;
     ASSERT_EQ(a.header.mode, b.header.mode) << "tick " << a.header.tick;
     ASSERT_EQ(a.header.causes_active, b.header.causes_active) << "tick " << a.header.tick;
@@ -100,6 +118,20 @@ TEST(SlideScale, LiesAreFoundAlike) {
     twins.run(400, wave, [&lie](testing::Rig& rig, float per_rad) { lie(rig.drives[1], per_rad); });
     twins.run(400, wave);
   }
+}
+
+TEST(SlideScale, StateFeedbackIsTheSame) {
+  TickConfig config = testing::robot(2);
+  config.degraded = DegradedBehaviour::fallback;
+  config.fallback = FallbackKind::state_feedback;
+  config.freshness.stop_after = seconds(60);
+  for (std::uint32_t j = 0; j < 2; ++j)
+    for (std::uint32_t k = 0; k < 2; ++k) config.feedback_gains[j][k] = {j == k ? 2.0F : -0.3F, j == k ? 0.5F : 0.1F};
+  Twins twins(config);
+  twins.arm();
+  twins.run(300, wave);
+  for (int i = 0; i < 400; ++i) ASSERT_NO_FATAL_FAILURE(twins.go_without_policy());
+  EXPECT_EQ(twins.hinges.mode(), Mode::degraded);
 }
 
 // A drive that is silent for long, and reads elsewhere afterwards.
