@@ -148,11 +148,15 @@ class DeployReader : private ExportReader {
     if (actions->entries.empty()) need(*actions, "JointPositionAction", Node::Kind::map);
     if (actions->entries.empty()) return;
     if (actions->entries.size() > 1) {
-      problems_.add(
-          actions->place,
-          fmt::format("`actions` has {} sections; all outputs of a policy have one meaning in a robot file, so "
-                      "that legs by position and wheels by velocity cannot be told apart; train with one kind",
-                      actions->entries.size()));
+      const Entry &first = actions->entries[0], &second = actions->entries[1];
+      const auto joints_of = [](const Entry& entry) {
+        const Node* const names = entry.value.find("joint_names");
+        return joints_text(names && names->kind == Node::Kind::sequence ? names : entry.value.find("joint_ids"));
+      };
+      problems_.add(second.key.place,
+                    fmt::format("actions.{} ({}) is beside actions.{} ({}), and all outputs of a policy have one kind "
+                                "in a robot file; train with one kind",
+                                second.key.text, joints_of(second), first.key.text, joints_of(first)));
       return;
     }
     const auto& [name, section] = actions->entries.front();

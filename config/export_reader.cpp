@@ -79,6 +79,16 @@ void ExportReader::add_command_ranges(const std::vector<double>& most, DeployFil
   }
 }
 
+std::string ExportReader::joints_text(const Node* list) {
+  constexpr std::size_t kNamed = 4, kLongest = 64;
+  const bool is_list = list != nullptr && list->kind == Node::Kind::sequence && !list->items.empty();
+  if (!is_list || list->items.front().kind != Node::Kind::scalar) return "all joints";
+  std::string text = list->items.size() == 1 ? "joint " : "joints ";
+  for (std::size_t i = 0; i < std::min(list->items.size(), kNamed); ++i)
+    text += (i == 0 ? "" : ", ") + list->items[i].text.substr(0, kLongest);
+  return text + (list->items.size() > kNamed ? ", ..." : "");
+}
+
 void ExportReader::note_others(const Node& map, std::initializer_list<std::string_view> known, const std::string& of,
                                DeployFile& file) {
   for (const Entry& entry : map.entries)

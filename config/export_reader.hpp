@@ -30,6 +30,8 @@ class ExportReader {
   static std::vector<double> in_robot_order(const std::vector<double>& of_policy, const DeployFile& file);
   // Of a command of velocities ahead, to the left and of turning: plus and minus `most`; empty: not said.
   static void add_command_ranges(const std::vector<double>& most, DeployFile& file);
+  // Of a list of numbers or names: "joint 3", "joints 3, 7, ..."; the list is null or no list: "all joints".
+  static std::string joints_text(const Node* list);
   // Keys that are not `known` are named as lost.
   static void note_others(const Node& map, std::initializer_list<std::string_view> known, const std::string& of,
                           DeployFile& file);

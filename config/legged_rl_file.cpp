@@ -136,7 +136,9 @@ class LeggedRlReader : private ExportReader {
     for (const Entry& entry : actions->entries)
       if (entry.key.text != "JointPositionAction")
         problems_.add(entry.key.place,
-                      "an action beside JointPositionAction: all outputs of a policy have one meaning in a robot file");
+                      fmt::format("actions.{} ({}) is beside actions.JointPositionAction, and all outputs of a policy "
+                                  "have one kind in a robot file; train with one kind",
+                                  entry.key.text, joints_text(entry.value.find("joint_names"))));
   }
 
   // What a stick of -1..1 becomes.

@@ -113,8 +113,9 @@ class RlSarReader : private ExportReader {
     const Node* const wheels = section.find("wheel_indices");
     if (wheels != nullptr && wheels->kind == Node::Kind::sequence && !wheels->items.empty())
       problems_.add(wheels->place,
-                    "wheel_indices moves wheels by velocity and legs by position: all outputs of a policy have one "
-                    "meaning in a robot file; train with one kind");
+                    fmt::format("wheel_indices moves {} by velocity and the rest by position, and all outputs of a "
+                                "policy have one kind in a robot file; train with one kind",
+                                joints_text(wheels)));
   }
 
   // Which instants one input has, 0 the newest, in its order.

@@ -309,9 +309,17 @@ TEST(DeployFile, RefusesWhatDoesNotFitTogether) {
         BadDeploy{"another action", "JointPositionAction:", "BinaryJointAction:", "d:10:3: action `BinaryJointAction`"},
         BadDeploy{"a velocity that does not start from zero",
                   "JointPositionAction:", "JointVelocityAction:", "JointVelocityAction has an offset"},
-        BadDeploy{"legs by position and wheels by velocity", "  JointPositionAction:",
-                  "  JointVelocityAction: { scale: null, offset: null, joint_ids: [0] }\n  JointPositionAction:",
-                  "legs by position and wheels by velocity cannot be told apart"},
+        BadDeploy{
+            "legs by position and wheels by velocity", "  JointPositionAction:",
+            "  JointVelocityAction: { scale: null, offset: null, joint_ids: [0] }\n  JointPositionAction:",
+            "d:11:3: actions.JointPositionAction (all joints) is beside actions.JointVelocityAction (joint 0), and "
+            "all outputs of a policy have one kind in a robot file; train with one kind"},
+        BadDeploy{"the same by name", "  JointPositionAction:",
+                  "  JointPositionAction: { scale: 1, offset: null, joint_names: [hip] }\n"
+                  "  JointVelocityAction: { scale: 5, offset: null, joint_names: [wheel_l, wheel_r, a, b, c] }\n"
+                  "  JointEffortAction:",
+                  "d:11:3: actions.JointVelocityAction (joints wheel_l, wheel_r, a, b, ...) is beside "
+                  "actions.JointPositionAction (joint hip), and all"},
         BadDeploy{"no period", "step_dt: 0.02\n", "", "`step_dt` is missing"},
         BadDeploy{
             "a term that writes another", "base_ang_vel:", "\"foo\\n    - { term: constant, values: [1] } #\":",
@@ -420,6 +428,41 @@ TEST(DeployImport, AModelFillsTheRestOfASimulatedRobot) {
   ASSERT_TRUE(robot->simulation && robot->simulation->mujoco);
   EXPECT_EQ(robot->simulation->mujoco->imu_site, "torso");
   EXPECT_EQ(robot->simulation->mujoco->keyframe, "stand");
+}
+
+// Goal: a wheel's limits are not made up without a word. Method: a model that gives one of two hinges no range.
+TEST(DeployImport, AJointThatTurnsWithoutEndIsNamed) {
+  ModelFacts model = two_hinges();
+  EXPECT_EQ(import_with(model, true).value().find("without a range"), std::string::npos);
+  model.joints[1].position.reset();
+  EXPECT_NE(
+      import_with(model, true)
+          .value()
+          .find("# Note: without a range in the model: knee. limits.position is made up, a turn to either side (a "
+                "slide 1 m); widen it, and drive.position_range, of a wheel\n"),
+      std::string::npos)
+      << import_with(model, true).value();
+}
+
+// Goal: an offset of a slide is a length. Method: the second joint slides; the file's offsets are not its pose.
+TEST(DeployImport, AnOffsetIsInItsJointsUnit) {
+  ModelFacts model = two_hinges();
+  model.joints[1].kind = JointKind::slide;
+  model.joints[1].position = {-1, 1};
+  const auto deploy = read_deploy_file(with("offset: [-0.5, 0.3]", "offset: [-0.05, 0.3]"), "d");
+  ASSERT_TRUE(deploy) << deploy.error();
+  const auto text = import_deploy_file(*deploy, {.robot = "walker",
+                                                 .policy_file = "policy.onnx",
+                                                 .joint_names = {},
+                                                 .source = "d",
+                                                 .model = model,
+                                                 .model_file = "walker.xml",
+                                                 .simulated = true});
+  ASSERT_TRUE(text) << text.error();
+  EXPECT_NE(text->find("offset: [-0.05 m, 0.3 rad]"), std::string::npos) << *text;
+  const auto robot = parse(*text, "r");
+  ASSERT_TRUE(robot) << robot.error();
+  EXPECT_EQ(robot->policy->action.offset_values, (std::vector{-0.05, 0.3}));
 }
 
 // Goal: a model alone makes a robot that is simulated at once, and one of a real robot leaves open what no model knows.

@@ -140,7 +140,8 @@ std::string changed(std::string text, const std::string& from, const std::string
 
 TEST(RlSar, WhatARobotFileCannotSayIsRefusedByItsMeaning) {
   const std::string sound = of_rl_sar({}, true, 100).text;
-  EXPECT_NE(refusal(changed(sound, "wheel_indices: []", "wheel_indices: [3]")).find("wheels by velocity"),
+  EXPECT_NE(refusal(changed(sound, "wheel_indices: []", "wheel_indices: [3]"))
+                .find("wheel_indices moves joint 3 by velocity and the rest by position"),
             std::string::npos);
   EXPECT_NE(refusal(changed(sound, "observations_history: []", "observations_history: [0, 2]")).find("whole histories"),
             std::string::npos);
@@ -284,7 +285,8 @@ TEST(LeggedRl, EveryKeyIsUsedNamedOrRefusedByItsMeaning) {
            {"stack: {", "assemble: [{ terms: [joint_pos] }]\n    stack: {", "some of the terms only"},
            {"stack: {", "layout: { blocks: [{ kind: current_frame }, { kind: current_frame }] }\n    stack: {",
             "several blocks"},
-           {"JointPositionAction", "JointVelocityAction", "beside JointPositionAction"}})
+           {"JointPositionAction", "JointVelocityAction",
+            "actions.JointVelocityAction (all joints) is beside actions.JointPositionAction"}})
     EXPECT_NE(refusal(changed(sound, from, to)).find(why), std::string::npos) << refusal(changed(sound, from, to));
   EXPECT_NE(refusal("go2: { dt: 0.005, decimation: 4, joint_mapping: [0, 1] }\n").find("is no deploy.yaml"),
             std::string::npos)
