@@ -104,7 +104,7 @@ TEST_F(Jog, MovesAsFarAsAskedAndLetsGo) {
   EXPECT_EQ(velocity_.verdict, VelocityScale::Verdict::right) << velocity_.sentence;
 }
 
-// Goal: a slide moves by millimetres with no more force than told, and one that is blocked is released. Method: 0.4 kg on
+// Goal: a slide moves by millimetres with no more force than told, and is released when blocked. Method: 0.4 kg on
 // 100 rad to a metre.
 TEST_F(Jog, ASlideMovesByMillimetres) {
   test::slide(robot_.joints[3]);

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line: python3 -m takt.lerobot."""
+import argparse
+import os
+import pathlib
+import sys
+from typing import Any, Dict, List, NoReturn, Optional, Sequence, Tuple
+
+from takt import _library
+from takt._quantity import seconds
+from takt._refused import Refused
+from takt.lerobot import _act, _checkpoint
+from takt.lerobot._checkpoint import Checkpoint
+from takt.lerobot._graph import Graph
+from takt.lerobot._robot_file import PolicySection, Term, with_policy
+from takt.lerobot._units import Joint, frequency, joint, to_data, to_robot
+
+# Of every policy's config.json: what was read elsewhere, and what says nothing about what the network computes.
+_READ = ("type", "input_features", "output_features", "normalization_mapping")
+_OF_TRAINING = ("device", "use_amp", "use_peft", "push_to_hub", "repo_id", "private", "tags", "license", "pretrained_path", "pretrained_revision")
+_EXAMPLE = """example:
+  python3 -m takt.lerobot export outputs/train/act/checkpoints/last/pretrained_model --robot arm.yaml --fps 30 --out arm_act.yaml \\
+      --joint shoulder_pan=deg --joint shoulder_lift=deg --joint "gripper=0..100 is -10..95 deg"
+
+exit codes: 0 written, 1 the files cannot be written or exist, 64 command line, 65 the folder or the robot file, with the reason."""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise Refused(f"{self.prog}: {message}", _library.USAGE)
+
+
+def _account(checkpoint: Checkpoint, used: Sequence[str], of_training: Sequence[str], ignored: Sequence[str]) -> None:
+    """Every key of config.json is used, lost in one line, or refused."""
+    lost = [key for key in checkpoint.config if key in of_training or key in _OF_TRAINING or key in ignored]
+    for key, value in checkpoint.config.items():
+        if key in lost or key in used or key in _READ:
+            continue
+        if value not in (None, False, [], {}, ""):
+            raise Refused(f"{checkpoint.folder}/config.json: {_checkpoint.shown(key)} is {_checkpoint.shown(value)}, and no such key is known here; "
+                          f"if it does not change what the network computes, add --ignore {_checkpoint.shown(key)}")
+        lost.append(key)
+    if lost:
+        checkpoint.lost.append(f"config.json: not carried, of training or without effect: {', '.join(sorted(map(_checkpoint.shown, lost)))}")
+
+
+def _with_units(checkpoint: Checkpoint, joints: List[Joint]) -> None:
+    state = [one for one in checkpoint.inputs if one.kind == "STATE"]
+    for feature in (*state, checkpoint.action):
+        if feature.shape[0] != len(joints):
+            raise Refused(f"{checkpoint.folder}/config.json: {feature.name} has {feature.shape[0]} values, and {len(joints)} --joint say what they are; name one "
+                          "joint and its unit for each, in the data set's order (`names` in its meta/info.json). What is no joint's position cannot be exported")
+    for one in state:
+        checkpoint.normal[one.name] = checkpoint.normal[one.name].after(to_data(joints))
+    checkpoint.normal["action"] = to_robot(joints).after(checkpoint.normal["action"])
+
+
+def _sensor_of(checkpoint: Checkpoint, feature: str) -> str:
+    return checkpoint.recorded.get(feature, feature).rpartition(".")[2]
+
+
+def _terms(checkpoint: Checkpoint) -> List[Term]:
+    history = checkpoint.integer("n_obs_steps", 1, 64)
+    terms = [Term(one.name, history=history) for one in checkpoint.of_kind("STATE")]
+    for one in checkpoint.of_kind("ENV"):
+        terms.append(Term(one.name, _sensor_of(checkpoint, one.name), values=one.shape[0], history=history))
+    for one in checkpoint.of_kind("VISUAL"):
+        terms.append(Term(one.name, _sensor_of(checkpoint, one.name), (one.shape[1], one.shape[2]), history=history))
+    sensors = [one.sensor for one in terms if one.sensor]
+    if len(set(sensors)) < len(sensors):
+        raise Refused(f"{checkpoint.folder}/config.json: two features end in the same word ({', '.join(sensors)}), which names their sensors; rename one")
+    return terms
+
+
+def _period(options: argparse.Namespace, checkpoint: Checkpoint, rate: float, steps: int) -> Tuple[str, str]:
+    """Of an inference, and why."""
+    if options.period:
+        seconds(options.period, "--period")
+        return str(options.period), "--period"
+    played = checkpoint.integer("n_action_steps", 1, steps)
+    if checkpoint.config.get("n_obs_steps") != 1:
+        played, why = 1, "as far apart as its history's instants were in training"
+    elif played >= steps:
+        raise Refused(f"{checkpoint.folder}/config.json: n_action_steps {played} is the whole chunk: LeRobot stands still while it infers. Say by --period how often "
+                      f"to infer, less than {1000 * steps / rate:.0f} ms, for example --period \"{500 * steps / rate:.0f} ms\"")
+    else:
+        why = f"n_action_steps {played} at {rate:g} Hz"
+    return f"{max(1, round(1000 * played / rate))} ms", why + ", in whole ms"
+
+
+def _export(options: argparse.Namespace) -> int:
+    joints = [joint(text) for text in options.joint]
+    rate, step_period = frequency(options.fps)
+    out, robot = pathlib.Path(options.out), pathlib.Path(options.robot)
+    network_file = out.with_suffix(".onnx")
+    for path in (out, network_file):
+        if path.exists():
+            raise Refused(f"{path} exists already; choose another --out", 1)
+    checkpoint = _checkpoint.read(pathlib.Path(options.folder))
+    _account(checkpoint, _act.USED, _act.OF_TRAINING, options.ignore)
+    _with_units(checkpoint, joints)
+    graph, terms = Graph(), _terms(checkpoint)
+    steps = _act.build(graph, checkpoint)
+    checkpoint.weights.refuse_rest()
+    period, why = _period(options, checkpoint, rate, steps)
+    section = PolicySection(network_file.name, period, step_period, steps, "action", joints, terms)
+    coefficient = checkpoint.config.get("temporal_ensemble_coeff")
+    if coefficient is not None:
+        section.join = f"kind: ensemble, decay: {checkpoint.number('temporal_ensemble_coeff', 0, 10):g}"
+    text, added = with_policy(robot, section, f"{max(50, round(3000 / rate))} ms")
+    about = {"lerobot_policy": checkpoint.kind, "lerobot_weights_sha256": checkpoint.sha256, "lerobot_joints": "; ".join(options.joint)}
+    _write({network_file: graph.file(about), out: text.encode()})
+    _say(checkpoint, section, why, added, out, robot)
+    return 0
+
+
+def _write(files: Dict[pathlib.Path, bytes]) -> None:
+    """All of them, or none."""
+    written: List[pathlib.Path] = []
+    try:
+        for path, content in files.items():
+            with open(path, "xb") as file:
+                written.append(path)
+                file.write(content)
+    except OSError as error:
+        for path in written:
+            path.unlink(missing_ok=True)
+        raise Refused(f"{error.filename or list(files)[len(written) - 1]} cannot be written: {error.strerror}", 1) from None
+
+
+def _say(checkpoint: Checkpoint, section: PolicySection, why: str, added: List[str], out: pathlib.Path, robot: pathlib.Path) -> None:
+    print(f"{out}: {robot} with {checkpoint.kind} as its policy, {section.file}: {section.steps} steps of {len(section.joints)} joints")
+    print(f"policy.step_period {section.step_period}; policy.period {section.period} ({why})")
+    for one in section.joints:
+        print(f"joint {one.name}: {one.gain:.6g} x the data set's value {'+' if one.shift >= 0 else '-'} {abs(one.shift):.6g}, rad (slide: m)")
+    for term in section.terms:
+        if term.sensor in added:
+            what = f"RGB images of {term.image[0]} x {term.image[1]}" if term.image[0] else f"{term.values} values, in the data set's units"
+            print(f"sensor {term.sensor} added: {what}, of {term.tensor}; its timeout is a choice of this command: set it")
+    for line in checkpoint.lost:
+        print(f"lost: {line}")
+    print(f"next: takt config check {out}; takt policy check {out.with_suffix('.onnx')} --robot {out}")
+
+
+def main(arguments: Optional[List[str]] = None) -> int:
+    parser = _Parser(prog="takt.lerobot", description="Checkpoint folders of LeRobot (ACT) as policies of robot files.", epilog=_EXAMPLE,
+                     formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False)
+    commands: Any = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    export = commands.add_parser("export", help="write the ONNX file, and the robot file that uses it", allow_abbrev=False, epilog=_EXAMPLE,
+                                 formatter_class=argparse.RawDescriptionHelpFormatter)
+    export.add_argument("folder", metavar="FOLDER", help="config.json, model.safetensors, and the processors' files of newer LeRobot")
+    export.add_argument("--robot", metavar="FILE", required=True, help="robot file whose policy is replaced; it is not changed")
+    export.add_argument("--out", metavar="FILE", required=True, help="robot file to write; the network beside it, .onnx; neither may exist")
+    export.add_argument("--fps", metavar="HZ", required=True, help="frames per second of the data set: the time between two steps of a chunk")
+    export.add_argument("--joint", metavar="NAME=UNIT", action="append", required=True,
+                        help="joint of the robot file and unit of each value of observation.state and action, in their order: rad, deg, m, mm, "
+                             "or a range such as \"0..100 is -10..95 deg\"")
+    export.add_argument("--period", metavar="TIME", help="time between two inferences (\"200 ms\"); default: n_action_steps of config.json")
+    export.add_argument("--ignore", metavar="KEY", action="append", default=[], help="key of config.json that is unknown here and does not matter")
+    return _export(parser.parse_args(arguments))
+
+
+if __name__ == "__main__":
+    # Refusals are one line and an exit code (takt._refused).
+    sys.exit(main())
