@@ -47,6 +47,12 @@ ACT = dict(TRAINING, type="act", n_obs_steps=1, chunk_size=12, n_action_steps=4,
            replace_final_stride_with_dilation=False, pre_norm=False, dim_model=32, n_heads=4, dim_feedforward=48, feedforward_activation="relu", n_encoder_layers=2,
            n_decoder_layers=1, use_vae=True, latent_dim=8, n_vae_encoder_layers=1, temporal_ensemble_coeff=None, dropout=0.1, kl_weight=10.0, optimizer_lr_backbone=1e-5,
            normalization_mapping=MODES)
+DIFFUSION = dict(TRAINING, type="diffusion", n_obs_steps=2, horizon=16, n_action_steps=8, drop_n_last_frames=7, vision_backbone="resnet18", crop_shape=[33, 49],
+                 crop_is_random=True, pretrained_backbone_weights=None, use_group_norm=True, spatial_softmax_num_keypoints=8, use_separate_rgb_encoder_per_camera=False,
+                 down_dims=[16, 32, 48], kernel_size=5, n_groups=4, diffusion_step_embed_dim=16, use_film_scale_modulation=True, noise_scheduler_type="DDIM",
+                 num_train_timesteps=100, beta_schedule="squaredcos_cap_v2", beta_start=0.0001, beta_end=0.02, prediction_type="epsilon", clip_sample=True,
+                 clip_sample_range=1.0, num_inference_steps=10, do_mask_loss_for_padding=False, optimizer_betas=[0.95, 0.999], optimizer_eps=1e-8, scheduler_name="cosine",
+                 scheduler_warmup_steps=500, normalization_mapping=dict(MODES, STATE="MIN_MAX", ENV="MIN_MAX", ACTION="MIN_MAX"))
 
 
 def safetensors(path, tensors):
@@ -203,6 +209,145 @@ def act(config, weights, shown):
     return linear(norm(x, "model.decoder.norm")[:, 0], "model.action_head")
 
 
+def diffusion_weights(config, inputs, seed=4):
+    made, images, points = Made(seed), [name for name in inputs if ".images." in name], config["spatial_softmax_num_keypoints"]
+    separate = config["use_separate_rgb_encoder_per_camera"]
+    for index in range(len(images) if separate else min(1, len(images))):
+        name = "diffusion.rgb_encoder" + (f".{index}" if separate else "")
+        made.resnet18(in_sequence(name + ".backbone."), not config["use_group_norm"])
+        made.linear(name + ".pool.nets", points, 512, 1, 1)
+        rows, columns = ((extent + 31) // 32 for extent in config["crop_shape"] or inputs[images[0]][1][1:])
+        made[name + ".pool.pos_grid"] = np.stack(np.meshgrid(np.linspace(-1, 1, columns), np.linspace(-1, 1, rows)), -1).reshape(-1, 2).astype(np.float32)
+        made.linear(name + ".out", 2 * points, 2 * points)
+    embedded, dims = config["diffusion_step_embed_dim"], config["down_dims"]
+    width = embedded + config["n_obs_steps"] * (sum(shape[0] for kind, shape in inputs.values() if kind != "VISUAL") + 2 * points * len(images))
+    made.linear("diffusion.unet.diffusion_step_encoder.1", 4 * embedded, embedded)
+    made.linear("diffusion.unet.diffusion_step_encoder.3", embedded, 4 * embedded)
+
+    def block(name, out, into):
+        made.linear(name + ".0", out, into, config["kernel_size"])
+        made.norm(name + ".1", out)
+
+    def residual(name, out, into):
+        block(name + ".conv1.block", out, into)
+        made.linear(name + ".cond_encoder.1", (1 + config["use_film_scale_modulation"]) * out, width)
+        block(name + ".conv2.block", out, out)
+        if out != into:
+            made.linear(name + ".residual_conv", out, into, 1)
+
+    for index, (out, into) in enumerate(zip(dims, [6, *dims])):
+        residual(f"diffusion.unet.down_modules.{index}.0", out, into)
+        residual(f"diffusion.unet.down_modules.{index}.1", out, out)
+        if index + 1 < len(dims):
+            made.linear(f"diffusion.unet.down_modules.{index}.2", out, out, 3)
+    for index in range(2):
+        residual(f"diffusion.unet.mid_modules.{index}", dims[-1], dims[-1])
+    for index, (out, into) in enumerate(zip(dims[-2::-1], dims[::-1])):
+        residual(f"diffusion.unet.up_modules.{index}.0", out, 2 * into)
+        residual(f"diffusion.unet.up_modules.{index}.1", out, out)
+        made.linear(f"diffusion.unet.up_modules.{index}.2", out, out, 4)
+    block("diffusion.unet.final_conv.0.block", dims[0], dims[0])
+    made.linear("diffusion.unet.final_conv.1", 6, dims[0], 1)
+    return made
+
+
+def in_sequence(name):
+    """Names of a ResNet's parts in a list: conv1, bn1, ReLU, pooling, and the four layers."""
+    def of(part):
+        first, _, rest = part.partition(".")
+        return name + {"conv1": "0", "bn1": "1"}.get(first, f"{int(first[-1]) + 3}." + rest if rest else "")
+
+    return of
+
+
+def diffusion(config, weights, shown, x):
+    """(horizon, 6), normalised actions from the oldest instant of the history on, of normalised inputs and of noise (horizon, 6)."""
+    images, separate = [name for name in shown if ".images." in name], config["use_separate_rgb_encoder_per_camera"]
+
+    def linear(y, name):
+        return F.linear(y, weights[name + ".weight"], weights[name + ".bias"])
+
+    features = [shown["observation.state"]]
+    for index, image in enumerate(images):
+        name, y = "diffusion.rgb_encoder" + (f".{index}" if separate else ""), shown[image]
+        if config["crop_shape"]:
+            top, left = (round((whole - part) / 2) for whole, part in zip(y.shape[2:], config["crop_shape"]))
+            y = y[:, :, top:top + config["crop_shape"][0], left:left + config["crop_shape"][1]]
+        y = resnet18(weights, in_sequence(name + ".backbone."), y, not config["use_group_norm"])
+        y = F.conv2d(y, weights[name + ".pool.nets.weight"], weights[name + ".pool.nets.bias"])
+        centres = torch.softmax(y.flatten(2), -1) @ weights[name + ".pool.pos_grid"]
+        features.append(F.relu(linear(centres.flatten(1), name + ".out")))
+    features += [shown[name] for name in shown if name.endswith("environment_state")]
+    seen = torch.cat(features, 1).reshape(1, -1)
+
+    def block(y, name, groups):
+        y = F.conv1d(y, weights[name + ".0.weight"], weights[name + ".0.bias"], padding=config["kernel_size"] // 2)
+        return F.mish(F.group_norm(y, groups, weights[name + ".1.weight"], weights[name + ".1.bias"]))
+
+    def residual(y, name, condition):
+        z = block(y, name + ".conv1.block", config["n_groups"])
+        film = linear(F.mish(condition), name + ".cond_encoder.1")[0, :, None]
+        z = film[:z.shape[1]] * z + film[z.shape[1]:] if config["use_film_scale_modulation"] else z + film
+        z = block(z, name + ".conv2.block", config["n_groups"])
+        return z + (F.conv1d(y, weights[name + ".residual_conv.weight"], weights[name + ".residual_conv.bias"]) if name + ".residual_conv.bias" in weights else y)
+
+    def unet(y, time):
+        half, name, skips = config["diffusion_step_embed_dim"] // 2, "diffusion.unet.", []
+        angles = time * torch.exp(torch.arange(half) * (-math.log(10000) / (half - 1)))
+        timed = linear(F.mish(linear(torch.cat((angles.sin(), angles.cos()))[None], name + "diffusion_step_encoder.1")), name + "diffusion_step_encoder.3")
+        condition, levels = torch.cat((timed, seen), 1), len(config["down_dims"])
+        for index in range(levels):
+            part = f"{name}down_modules.{index}."
+            y = residual(residual(y, part + "0", condition), part + "1", condition)
+            skips.append(y)
+            if index + 1 < levels:
+                y = F.conv1d(y, weights[part + "2.weight"], weights[part + "2.bias"], stride=2, padding=1)
+        y = residual(residual(y, name + "mid_modules.0", condition), name + "mid_modules.1", condition)
+        for index in range(levels - 1):
+            part = f"{name}up_modules.{index}."
+            y = residual(residual(torch.cat((y, skips.pop()), 1), part + "0", condition), part + "1", condition)
+            y = F.conv_transpose1d(y, weights[part + "2.weight"], weights[part + "2.bias"], stride=2, padding=1)
+        return F.conv1d(block(y, name + "final_conv.0.block", 8), weights[name + "final_conv.1.weight"], weights[name + "final_conv.1.bias"])
+
+    count, steps = config["num_train_timesteps"], config["num_inference_steps"]
+    if config["beta_schedule"] == "linear":
+        betas = torch.linspace(config["beta_start"], config["beta_end"], count)
+    else:
+        at = [math.cos((i / count + 0.008) / 1.008 * math.pi / 2) ** 2 for i in range(count + 1)]
+        betas = torch.tensor([min(1 - after / before, 0.999) for before, after in zip(at, at[1:])])
+    kept = torch.cumprod(1 - betas, 0)
+    x = x.T[None]
+    for time in range((steps - 1) * (count // steps), -1, -(count // steps)):
+        said, signal = unet(x, time), kept[time]
+        if config["prediction_type"] == "epsilon":
+            actions, error = (x - (1 - signal) ** 0.5 * said) / signal ** 0.5, said
+        else:
+            actions, error = said, (x - signal ** 0.5 * said) / (1 - signal) ** 0.5
+        if config["clip_sample"]:
+            actions = actions.clamp(-config["clip_sample_range"], config["clip_sample_range"])
+        left = kept[time - count // steps] if time >= count // steps else torch.tensor(1.0)
+        x = left ** 0.5 * actions + (1 - left) ** 0.5 * error
+    return x[0].T
+
+
+def takt_noise(seed, observation, count):
+    """What Takt's sampler draws (policy_host/flow/flow_policy.cpp): splitmix64's counter, and Box and Muller's normal numbers of it."""
+    whole = (1 << 64) - 1
+
+    def mixed(value):
+        value = (value + 0x9E3779B97F4A7C15) & whole
+        value = ((value ^ (value >> 30)) * 0xBF58476D1CE4E5B9) & whole
+        value = ((value ^ (value >> 27)) * 0x94D049BB133111EB) & whole
+        return value ^ (value >> 31)
+
+    state, drawn = mixed(mixed(mixed(seed) ^ observation)), []
+    while len(drawn) < count:
+        one, two = (mixed((state + i) & whole) / (1 << 11) // 1 * 2.0**-53 for i in range(2))
+        state += 2
+        drawn += [math.sqrt(-2 * math.log(1 - one)) * wave(2 * math.pi * two) for wave in (math.cos, math.sin)]
+    return np.array(drawn[:count], np.float32)
+
+
 def statistics(features, seed=2):
     random, found = np.random.RandomState(seed), {}
     for name, (kind, shape) in features.items():
@@ -227,6 +372,10 @@ class LeRobotExport(unittest.TestCase):
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="takt-lerobot."))
         self.addCleanup(shutil.rmtree, self.folder)
         self.checkpoint = self.folder / "checkpoint"
+
+    def clear(self):
+        for path in self.folder.iterdir():
+            path.unlink() if path.is_file() else shutil.rmtree(path)
 
     def write(self, config, weights, inputs, older=False):
         """The folder, as LeRobot saves it."""
@@ -283,16 +432,16 @@ class LeRobotExport(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         return np.fromfile(self.folder / "said", np.float32).reshape(len(observations), -1, 6)
 
-    def shown(self, inputs, count, older, modes, found):
-        """Observations as Takt fills them, (values,), and as the network in PyTorch is shown them, normalised."""
+    def shown(self, inputs, count, older, modes, found, history=1):
+        """Observations as Takt fills them, (values,), and as the network in PyTorch is shown them, normalised, (history, ...)."""
         random, rows, batches = np.random.RandomState(3), [], []
         for _ in range(count):
             row, batch = [], {}
             for name, (kind, shape) in inputs.items():
-                values = random.uniform(-1, 1, shape) if kind != "VISUAL" else random.randint(0, 256, shape) / 255
+                values = random.uniform(-1, 1, (history, *shape)) if kind != "VISUAL" else random.randint(0, 256, (history, *shape)) / 255
                 row.append(values.ravel())
                 data = (values - SHIFT) / GAIN if kind == "STATE" else values
-                batch[name] = torch.tensor(normalised(data, modes[kind], found[name], older), dtype=torch.float32)[None]
+                batch[name] = torch.tensor(normalised(data, modes[kind], found[name], older), dtype=torch.float32)
             rows.append(np.concatenate(row))
             batches.append(batch)
         return rows, batches
@@ -307,6 +456,7 @@ class LeRobotExport(unittest.TestCase):
         )
         for name, changes, inputs, older, by_lerobot in cases:  # by_lerobot: the last step of the first answer, in the data set's units
             with self.subTest(name):
+                self.clear()
                 config = ACT | changes
                 weights = act_weights(config, inputs)
                 found, modes = self.write(config, weights, inputs, older), config["normalization_mapping"]
@@ -321,9 +471,64 @@ class LeRobotExport(unittest.TestCase):
                 self.assertLess(abs(said - wanted).max(), 1e-4)
                 self.assertLess(abs(said[0, -1] - by_lerobot).max(), 1e-4)
                 self.assertGreater(abs(wanted[0] - wanted[1]).max(), 0.05)
-                for file in ("robot.yaml", "robot.onnx"):
-                    (self.folder / file).unlink()
-                shutil.rmtree(self.checkpoint)
+
+    def test_a_diffusion_policy_says_the_folders_numbers(self):
+        free = {"clip_sample": False, "beta_schedule": "linear", "num_train_timesteps": 20, "num_inference_steps": None, "use_film_scale_modulation": False,
+                "use_separate_rgb_encoder_per_camera": True, "crop_shape": None, "down_dims": [16, 24], "use_group_norm": False}
+        cases = (
+            ("newer", {}, STATE | ENVIRONMENT | CAMERAS, False, (), [2.20502, -1.22827, -0.47137, 1.71662, 0.26239, 0.1993]),
+            ("older", free, STATE | CAMERAS, True, (), [2.56772, 0.57174, 5.11164, -0.08662, 1.80711, 0.67762]),
+            ("DDPM by DDIM, three instants", {"prediction_type": "sample", "noise_scheduler_type": "DDPM", "num_inference_steps": None, "n_obs_steps": 3, "clip_sample_range": 1.5},
+             STATE | ENVIRONMENT, False, ("--ddim", "5"), [-1.51751, 1.02577, 0.85733, -1.28851, 0.53657, -1.41053]),
+        )
+        for name, changes, inputs, older, more, by_lerobot in cases:  # by_lerobot: the fourth step of the first answer, in the data set's units
+            with self.subTest(name):
+                self.clear()
+                config = DIFFUSION | changes
+                weights = diffusion_weights(config, inputs)
+                found, modes = self.write(config, weights, inputs, older), config["normalization_mapping"]
+                done = self.export(*more)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                self.assertIn("policy.period 33 ms (as far apart as its history's instants were in training, in whole ms)", done.stdout)
+                config = config | {"num_inference_steps": int(more[1]) if more else config["num_inference_steps"] or config["num_train_timesteps"]}
+                past, steps = config["n_obs_steps"] - 1, config["horizon"]
+                rows, batches = self.shown(inputs, 3, older, modes, found, past + 1)
+                context = [[id, 0, 0, 0, 0] + [0] * (steps * 6) for id in range(1, 4)]  # a sampler's: the observation's number, and no path
+                raw = self.answers([np.concatenate(pair) for pair in zip(rows, context)])
+                check, text = self.takt("config", "check", "robot.yaml"), (self.folder / "robot.yaml").read_text()
+                self.assertEqual(check.returncode, 0, check.stderr)
+                gain = np.array(json.loads(re.search(r"scale: (\[.*\])", text)[1]))
+                shift = np.array(json.loads(re.search(r"offset: (\[.*\])", text)[1].replace(" rad", "")))
+                said = (shift + gain * raw - SHIFT) / GAIN
+                tensors, wanted = {key: torch.tensor(values) for key, values in weights.items()}, []
+                for id, batch in enumerate(batches, 1):
+                    noise = np.roll(takt_noise(1, id, steps * 6).reshape(steps, 6), past, axis=0)  # Takt's first step is the observation's instant
+                    with torch.inference_mode():
+                        actions = diffusion(config, tensors, batch, torch.tensor(noise)).numpy().astype(np.float64)
+                    wanted.append(restored(actions, modes["ACTION"], found["action"])[past:])
+                wanted = np.stack(wanted)
+                print(f"{name}: largest difference {abs(said[:, :steps - past] - wanted).max():.1e} of {np.ptp(wanted):.2f}, between observations "
+                      f"{abs(wanted[0] - wanted[1]).max():.2f}")
+                self.assertLess(abs(said[:, :steps - past] - wanted).max(), 1e-4)
+                self.assertLess(abs(said[0, 3] - by_lerobot).max(), 1e-4)
+                self.assertLess(abs(said[:, steps - past:] - said[:, steps - past - 1:steps - past]).max(initial=0), 1e-5)  # what it does not say: the last target, held
+                self.assertGreater(abs(wanted[0] - wanted[1]).max(), 0.05)
+
+    def test_a_diffusion_policy_is_refused_by_its_meaning(self):
+        images = STATE | CAMERAS
+        weights = diffusion_weights(DIFFUSION, images)
+        for changes, line in (({"noise_scheduler_type": "DDPM"}, "DDPM draws noise in every step, and Takt's sampler draws it once. Say --ddim 10"),
+                              ({"num_inference_steps": 101}, "num_inference_steps is 101"), ({"n_action_steps": 16}, "n_action_steps is 16, and it must be a whole number from 1 to 15"),
+                              ({"resize_shape": [20, 20]}, "resize_shape is [20, 20]: images that are resized"), ({"crop_shape": [64, 64]}, "crop_shape [64, 64] does not fit"),
+                              ({"down_dims": [16, 30]}, "down_dims [16, 30]"), ({"horizon": 14}, "horizon 14 cannot be halved 2 times"), ({"prediction_type": "v"}, "prediction_type is v"),
+                              ({"down_dims": [16, 32]}, "has the shape"), ({"beta_schedule": "sigmoid"}, "beta_schedule is sigmoid")):
+            with self.subTest(line):
+                self.write(DIFFUSION | changes, weights, images)
+                self.refused(line)
+        self.write(DIFFUSION, weights, STATE)
+        self.refused("input_features has neither an image nor the environment's state")
+        self.small()
+        self.refused("--ddim 5 is for diffusion policies", "--ddim", "5", code=64)
 
     def small(self, **changes):
         """A small folder without images; returns its weights."""
@@ -367,6 +572,7 @@ class LeRobotExport(unittest.TestCase):
                               ("sensors:\n- name: environment_state\n  values: 4\n  timeout: 1 s", "sensors:\n- name: environment_state\n  values: 4"),
                               ("sensors:\n    # a camera\n    - { name: cam0, values: 3, timeout: 1 s }", "timeout: 1 s }\n    - { name: environment_state")):
             with self.subTest(before):
+                self.clear()
                 self.small()
                 robot = self.checkpoint / "robot.yaml"
                 robot.write_text(f"schema: takt.robot/1\n{before}\npolicy:\n  file: a\n\n# of the rest\nrecord:\n  directory: runs\n")
@@ -377,8 +583,6 @@ class LeRobotExport(unittest.TestCase):
                 self.assertEqual(text.count("environment_state, values") + text.count("name: environment_state\n"), 1, text)
                 self.assertIn("\n\n# of the rest\nrecord:\n  directory: runs\n", text)
                 self.assertNotIn("file: a", text)
-                for file in ("robot.yaml", "robot.onnx"):
-                    (self.folder / file).unlink()
 
     def test_temporal_ensembling_is_the_robot_files(self):
         self.small(temporal_ensemble_coeff=0.01, n_action_steps=1)

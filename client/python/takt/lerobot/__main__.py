@@ -9,7 +9,7 @@ from typing import Any, Dict, List, NoReturn, Optional, Sequence, Tuple
 from takt import _library
 from takt._quantity import seconds
 from takt._refused import Refused
-from takt.lerobot import _act, _checkpoint
+from takt.lerobot import _act, _checkpoint, _diffusion
 from takt.lerobot._checkpoint import Checkpoint
 from takt.lerobot._graph import Graph
 from takt.lerobot._robot_file import PolicySection, Term, with_policy
@@ -97,13 +97,22 @@ def _export(options: argparse.Namespace) -> int:
         if path.exists():
             raise Refused(f"{path} exists already; choose another --out", 1)
     checkpoint = _checkpoint.read(pathlib.Path(options.folder))
-    _account(checkpoint, _act.USED, _act.OF_TRAINING, options.ignore)
+    diffuses = checkpoint.kind == "diffusion"
+    if options.ddim and not diffuses:
+        raise Refused(f"--ddim {options.ddim} is for diffusion policies, and {options.folder} is one of {checkpoint.kind}", _library.USAGE)
+    network: Any = _diffusion if diffuses else _act
+    _account(checkpoint, network.USED, network.OF_TRAINING, options.ignore)
     _with_units(checkpoint, joints)
     graph, terms = Graph(), _terms(checkpoint)
-    steps = _act.build(graph, checkpoint)
+    steps = _diffusion.build(graph, checkpoint, options.ddim) if diffuses else _act.build(graph, checkpoint)
     checkpoint.weights.refuse_rest()
     period, why = _period(options, checkpoint, rate, steps)
-    section = PolicySection(network_file.name, period, step_period, steps, "action", joints, terms)
+    section = PolicySection(network_file.name, period, step_period, steps, "velocity" if diffuses else "action", joints, terms)
+    if diffuses:
+        gain, shift = checkpoint.normal["action"]
+        section.sampler, section.scale = "noisy: x_t, time: t, steps: 1", "[" + ", ".join(f"{one:.9g}" for one in gain) + "]"
+        section.offset = "[" + ", ".join(f"{one:.9g} rad" for one in shift) + "]"
+        checkpoint.lost.append(f"noise: Takt draws its own, by policy.sampler.seed; the network denoises it by DDIM in {checkpoint.config['num_inference_steps']} steps")
     coefficient = checkpoint.config.get("temporal_ensemble_coeff")
     if coefficient is not None:
         section.join = f"kind: ensemble, decay: {checkpoint.number('temporal_ensemble_coeff', 0, 10):g}"
@@ -143,7 +152,7 @@ def _say(checkpoint: Checkpoint, section: PolicySection, why: str, added: List[s
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
-    parser = _Parser(prog="takt.lerobot", description="Checkpoint folders of LeRobot (ACT) as policies of robot files.", epilog=_EXAMPLE,
+    parser = _Parser(prog="takt.lerobot", description="Checkpoint folders of LeRobot (ACT, diffusion) as policies of robot files.", epilog=_EXAMPLE,
                      formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False)
     commands: Any = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     export = commands.add_parser("export", help="write the ONNX file, and the robot file that uses it", allow_abbrev=False, epilog=_EXAMPLE,
@@ -156,6 +165,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
                         help="joint of the robot file and unit of each value of observation.state and action, in their order: rad, deg, m, mm, "
                              "or a range such as \"0..100 is -10..95 deg\"")
     export.add_argument("--period", metavar="TIME", help="time between two inferences (\"200 ms\"); default: n_action_steps of config.json")
+    export.add_argument("--ddim", metavar="STEPS", type=int, default=0, help="diffusion: denoise by DDIM in so many steps; default: as config.json says, where that is DDIM")
     export.add_argument("--ignore", metavar="KEY", action="append", default=[], help="key of config.json that is unknown here and does not matter")
     return _export(parser.parse_args(arguments))
 

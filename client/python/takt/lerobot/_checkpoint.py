@@ -290,12 +290,12 @@ def _processor(checkpoint: Checkpoint, name: str, kind: str, features: List[Feat
 
 
 def read(folder: pathlib.Path) -> Checkpoint:
-    """Refused in one line where the folder is not one of ACT's."""
+    """Refused in one line where the folder is not one of ACT's or diffusion's."""
     path = folder / "config.json"
     config = _table(path)
     kind = config.get("type")
-    if kind != "act":
-        raise Refused(f"{path}: type is {shown(kind)}; act can be exported. Other policies: docs/python-policy.md, On a server")
+    if kind not in ("act", "diffusion"):
+        raise Refused(f"{path}: type is {shown(kind)}; act and diffusion can be exported. Other policies: docs/python-policy.md, On a server")
     inputs = _features(path, "input_features", config.get("input_features"))
     outputs = _features(path, "output_features", config.get("output_features"))
     if len(outputs) != 1 or outputs[0][:2] != ("action", "ACTION"):

@@ -86,6 +86,9 @@ class Graph:
                 raise Refused(f"the network has more than {_LARGEST_FILE >> 20} MiB of weights, and Takt's ONNX files hold 1 GiB")
         return key
 
+    def __contains__(self, constant: str) -> bool:
+        return constant in self._constants
+
     def op(self, kind: str, *inputs: str, **attributes: Attribute) -> str:
         name = f"{kind.lower()}{len(self._nodes)}"
         self._nodes.append(b"".join(_bytes(1, one) for one in inputs) + _bytes(2, name) + _bytes(3, name) + _bytes(4, kind)
@@ -109,13 +112,11 @@ class Graph:
     def mish(self, x: str) -> str:
         return self.op("Mul", x, self.op("Tanh", self.op("Softplus", x)))
 
-    def group_norm(self, x: str, shape: Tuple[int, ...], groups: int, weight: Array, bias: Array, name: str, epsilon: float = 1e-5) -> str:
-        """Of (batch, channels, ...), which is `shape`."""
+    def group_norm(self, x: str, shape: Tuple[int, ...], groups: int, gain: str, shift: str, epsilon: float = 1e-5) -> str:
+        """Of (batch, channels, ...), which is `shape`; gain and shift are (channels, 1, ...)."""
         ones, zeros = self.constant(np.ones(groups), f"ones{groups}"), self.constant(np.zeros(groups), f"zeros{groups}")
         grouped = self.op("InstanceNormalization", self.reshape(x, shape[0], groups, -1), ones, zeros, epsilon=epsilon)
-        spread = (-1,) + (1,) * (len(shape) - 2)
-        scaled = self.op("Mul", self.reshape(grouped, *shape), self.constant(weight.reshape(spread), name + ".weight"))
-        return self.op("Add", scaled, self.constant(bias.reshape(spread), name + ".bias"))
+        return self.op("Add", self.op("Mul", self.reshape(grouped, *shape), gain), shift)
 
     def file(self, about: Mapping[str, str]) -> bytes:
         """The file's bytes. `about`: its metadata."""

@@ -34,7 +34,8 @@ class ResNet:
         window = {"kernel_shape": [kernel] * 2, "strides": [stride] * 2, "pads": [kernel // 2] * 4}
         if self._grouped:
             y = self._graph.op("Conv", tensor, self._graph.constant(weight, f"{key}.weight"), **window)
-            return self._graph.group_norm(y, shape, out // 16, gain, shift, at, _EPSILON), shape
+            spread = [self._graph.constant(values.reshape(-1, 1, 1), f"{at}.{part}") for part, values in (("weight", gain), ("bias", shift))]
+            return self._graph.group_norm(y, shape, out // 16, spread[0], spread[1], _EPSILON), shape
         mean, variance = self._weights.take(f"{at}.running_mean", out), self._weights.take(f"{at}.running_var", out)
         self._weights.drop(f"{at}.num_batches_tracked")
         gain = gain / (variance + _EPSILON) ** 0.5

@@ -47,7 +47,7 @@ class PolicySection:
     offset: str = "zero"
 
     def text(self) -> str:
-        inputs = ",".join([one.tensor for one in self.terms] + (["x_t", "t"] if self.sampler else []))
+        inputs = ",".join(one.tensor for one in self.terms)
         names = _list([_text(one.name) for one in self.joints])
         lines = ["policy:", f"  file: {_text(self.file) if ' ' in self.file else self.file}", f"  period: {self.period}", f"  step_period: {self.step_period}",
                  f"  steps: {self.steps}", f"  input: {json.dumps(inputs)}", f"  output: {self.output}", "  observation:"]
