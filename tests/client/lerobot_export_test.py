@@ -6,6 +6,7 @@ engine answers observations, and the same network written in PyTorch's functions
 Usage: lerobot_export_test.py SOURCE_DIR BUILD_DIR. Exit code 77: PyTorch is missing.
 """
 import contextlib
+import hashlib
 import io
 import json
 import math
@@ -16,7 +17,9 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import types
 import unittest
+from unittest import mock
 
 import numpy as np
 
@@ -27,6 +30,7 @@ except ImportError as error:
     print(f"SKIPPED: {error}: NO CHECKPOINT WAS EXPORTED")
     sys.exit(77)
 
+torch.set_num_threads(1)
 SOURCE, BUILD = pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2]).resolve()
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(SOURCE / "client/python"))
@@ -330,6 +334,37 @@ def diffusion(config, weights, shown, x):
     return x[0].T
 
 
+def stand_in(config, weights, inputs, found, modes, older):
+    """Modules named as LeRobot's, with the network above."""
+    tensors = {key: torch.tensor(values) for key, values in weights.items()}
+    policy = types.SimpleNamespace(config=types.SimpleNamespace(device="cuda"))
+    policy.to = lambda device: policy
+    policy.eval = lambda: policy
+    policy.model = lambda batch: (act(config, tensors, {name: batch[name] for name in inputs})[None], None)
+    # One time of denoising, at which the network above goes the whole way.
+    kept = {}
+
+    def condition(batch):
+        kept["shown"] = {name: batch["observation.images"][0, :, list(inputs).index(name) - 1] if ".images." in name else batch[name][0] for name in inputs}
+        return torch.zeros(1)
+
+    scheduler = types.SimpleNamespace(timesteps=[torch.tensor(0)], set_timesteps=lambda steps: None, step=lambda said, time, x: types.SimpleNamespace(prev_sample=said))
+    policy.diffusion = types.SimpleNamespace(noise_scheduler=scheduler, _prepare_global_conditioning=condition,
+                                             unet=lambda x, time, global_cond: diffusion(config, tensors, kept["shown"], x[0])[None])
+    policy.normalize_inputs = lambda batch: {name: normalised(values, modes[inputs[name][0]], found[name], True) for name, values in batch.items()}
+    policy.unnormalize_outputs = lambda batch: {"action": restored(batch["action"], modes["ACTION"], found["action"])}
+
+    def processors(config, pretrained_path, preprocessor_overrides, postprocessor_overrides):
+        assert not older and preprocessor_overrides == postprocessor_overrides == {"device_processor": {"device": "cpu"}} and config.device == "cpu"
+        return (lambda batch: {name: normalised(values[None], modes[inputs[name][0]], found[name], False).float() for name, values in batch.items()},
+                lambda action: restored(action, modes["ACTION"], found["action"]))
+
+    factory = types.ModuleType("lerobot.policies.factory")
+    factory.get_policy_class = lambda kind: types.SimpleNamespace(from_pretrained=lambda folder: policy)
+    factory.make_pre_post_processors = processors
+    sys.modules.update({"lerobot": types.ModuleType("lerobot"), "lerobot.policies": types.ModuleType("lerobot.policies"), "lerobot.policies.factory": factory})
+
+
 def takt_noise(seed, observation, count):
     """What Takt's sampler draws (policy_host/flow/flow_policy.cpp): splitmix64's counter, and Box and Muller's normal numbers of it."""
     whole = (1 << 64) - 1
@@ -515,20 +550,81 @@ class LeRobotExport(unittest.TestCase):
                 self.assertGreater(abs(wanted[0] - wanted[1]).max(), 0.05)
 
     def test_a_diffusion_policy_is_refused_by_its_meaning(self):
-        images = STATE | CAMERAS
-        weights = diffusion_weights(DIFFUSION, images)
+        weights = diffusion_weights(DIFFUSION, STATE | ENVIRONMENT)
         for changes, line in (({"noise_scheduler_type": "DDPM"}, "DDPM draws noise in every step, and Takt's sampler draws it once. Say --ddim 10"),
                               ({"num_inference_steps": 101}, "num_inference_steps is 101"), ({"n_action_steps": 16}, "n_action_steps is 16, and it must be a whole number from 1 to 15"),
-                              ({"resize_shape": [20, 20]}, "resize_shape is [20, 20]: images that are resized"), ({"crop_shape": [64, 64]}, "crop_shape [64, 64] does not fit"),
                               ({"down_dims": [16, 30]}, "down_dims [16, 30]"), ({"horizon": 14}, "horizon 14 cannot be halved 2 times"), ({"prediction_type": "v"}, "prediction_type is v"),
                               ({"down_dims": [16, 32]}, "has the shape"), ({"beta_schedule": "sigmoid"}, "beta_schedule is sigmoid")):
             with self.subTest(line):
-                self.write(DIFFUSION | changes, weights, images)
+                self.write(DIFFUSION | changes, weights, STATE | ENVIRONMENT)
+                self.refused(line)
+        for changes, line in (({"resize_shape": [20, 20]}, "resize_shape is [20, 20]: images that are resized"), ({"crop_shape": [64, 64]}, "crop_shape [64, 64] does not fit")):
+            with self.subTest(line):
+                self.write(DIFFUSION | changes, weights, STATE | CAMERAS)
                 self.refused(line)
         self.write(DIFFUSION, weights, STATE)
         self.refused("input_features has neither an image nor the environment's state")
         self.small()
         self.refused("--ddim 5 is for diffusion policies", "--ddim", "5", code=64)
+
+    def test_a_run_is_compared_with_what_lerobot_says(self):
+        """LeRobot's place is taken by the network above, and the run's by the answers of Takt's host: the numbers' way between them is what is tried."""
+        for kind, config, inputs, older in (("act", ACT, STATE | CAMERAS, False), ("act", ACT, STATE | ENVIRONMENT, True), ("diffusion", DIFFUSION, STATE | CAMERAS, False)):
+            with self.subTest(f"{kind}, {'older' if older else 'newer'}"):
+                self.clear()
+                weights = (act_weights if kind == "act" else diffusion_weights)(config, inputs)
+                found, modes = self.write(config, weights, inputs, older), config["normalization_mapping"]
+                done = self.export("--period", "33 ms")
+                self.assertEqual(done.returncode, 0, done.stderr)
+                rows, images = self.shown_in_a_run(inputs, config["n_obs_steps"])
+                context = [[row["observation_id"], 0, 0, 0, 0] + [0] * 96 if kind == "diffusion" else [] for row in rows]
+                said = self.answers([np.concatenate([row["input"], *(images[sha].transpose(2, 0, 1).ravel() / 255 for sha in row["sample_image"]), more])
+                                     for row, more in zip(rows, context)])
+                for row, answer in zip(rows, said):
+                    row["output"] = answer.ravel()
+                run = types.SimpleNamespace(folder=self.folder, policy_inputs=types.SimpleNamespace(iterrows=lambda rows=rows: enumerate(rows)), image=images.__getitem__)
+                (self.folder / "config.yaml").write_text("sensors:\n  - name: wrist\n  - name: target\n  - name: front\npolicy:\n  sampler:\n    noisy: x_t\n    seed: 1\n")
+                command = ["compare", str(self.checkpoint), str(self.folder), *(text for name in JOINTS for text in ("--joint", name))]
+                with mock.patch.dict(sys.modules, {"lerobot.policies.factory": None}), self.assertRaisesRegex(takt.Refused, "needs LeRobot and PyTorch: run it with the Python in which"):
+                    self.compared(command, run, None)
+                stand_in(config, weights, inputs, found, modes, older)
+                code, said = self.compared(command, run, self.folder / "robot.onnx")
+                self.assertRegex(said, r"^agrees: 2 of 2 answers of .*: largest difference [0-9.]+e-0[5-9] rad \(slide: m\), of joint \w+ at step \d+ of answer \d; tolerance 0.0001\n$")
+                self.assertEqual(code, 0)
+                rows[1]["output"] = rows[1]["output"] + np.eye(1, rows[1]["output"].size, 8)[0] * 0.5
+                rows[0]["output"] = np.where(np.arange(rows[0]["output"].size) == 9, np.nan, rows[0]["output"])
+                code, said = self.compared(command, run, None)
+                self.assertIn("note: ", said)
+                self.assertIn("differs: 2 of 2 answers", said)
+                self.assertIn("largest difference inf rad (slide: m), of joint wrist_roll at step 1 of answer 1;", said)
+                self.assertEqual(code, 1)
+                rows[0]["by_client"] = True
+                self.assertIn("of joint elbow at step 1 of answer 2;", self.compared(command, run, None)[1])
+                rows[1]["sample_image"] = [""] * len(rows[1]["sample_image"])
+                if ".images." in str(inputs):
+                    with self.assertRaisesRegex(takt.Refused, "has no answer to compare"):
+                        self.compared(command, run, None)
+
+    def compared(self, command, run, ran):
+        """`ran`: what the run's manifest says its policy was."""
+        run.manifest = {"policy": {"sha256": hashlib.sha256(ran.read_bytes()).hexdigest() if ran else ""}}
+        said = io.StringIO()
+        with mock.patch.object(takt, "open", return_value=run), mock.patch.object(takt, "Run", types.SimpleNamespace), contextlib.redirect_stdout(said):
+            return main(command), said.getvalue()
+
+    def shown_in_a_run(self, inputs, history):
+        random, rows, images = np.random.RandomState(6), [], {}
+        cameras = [name.rpartition(".")[2] for name, (kind, _) in inputs.items() if kind == "VISUAL"]
+        for id in (1, 2):
+            row = {"sender": "policy", "by_client": False, "observation_id": id, "sample_sensor": [], "sample_image": []}
+            row["input"] = np.concatenate([random.uniform(-1, 1, history * shape[0]) for kind, shape in inputs.values() if kind != "VISUAL"]).astype(np.float32)
+            for camera in cameras:
+                for _ in range(history):
+                    images[f"{len(images):064x}"] = random.randint(0, 256, (40, 56, 3)).astype(np.uint8)
+                    row["sample_sensor"].append({"wrist": 0, "front": 2}[camera])
+                    row["sample_image"].append(f"{len(images) - 1:064x}")
+            rows.append(row)
+        return rows, images
 
     def small(self, **changes):
         """A small folder without images; returns its weights."""

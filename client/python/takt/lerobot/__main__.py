@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: python3 -m takt.lerobot."""
 import argparse
-import os
+import hashlib
 import pathlib
 import sys
-from typing import Any, Dict, List, NoReturn, Optional, Sequence, Tuple
+from typing import Any, Dict, List, NamedTuple, NoReturn, Optional, Sequence, Tuple
 
+import takt
 from takt import _library
 from takt._quantity import seconds
 from takt._refused import Refused
 from takt.lerobot import _act, _checkpoint, _diffusion
 from takt.lerobot._checkpoint import Checkpoint
+from takt.lerobot._compare import compare
 from takt.lerobot._graph import Graph
 from takt.lerobot._robot_file import PolicySection, Term, with_policy
 from takt.lerobot._units import Joint, frequency, joint, to_data, to_robot
@@ -22,7 +24,10 @@ _EXAMPLE = """example:
   python3 -m takt.lerobot export outputs/train/act/checkpoints/last/pretrained_model --robot arm.yaml --fps 30 --out arm_act.yaml \\
       --joint shoulder_pan=deg --joint shoulder_lift=deg --joint "gripper=0..100 is -10..95 deg"
 
-exit codes: 0 written, 1 the files cannot be written or exist, 64 command line, 65 the folder or the robot file, with the reason."""
+  python3 -m takt.lerobot compare FOLDER runs/newest --joint ...     # the same --joint, where LeRobot and PyTorch are
+
+exit codes: 0 written, or the run agrees; 1 the files cannot be written or exist, or the run differs; 64 command line; 65 the folder, the robot file or the run, with
+the reason."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -88,14 +93,17 @@ def _period(options: argparse.Namespace, checkpoint: Checkpoint, rate: float, st
     return f"{max(1, round(1000 * played / rate))} ms", why + ", in whole ms"
 
 
-def _export(options: argparse.Namespace) -> int:
+class _Network(NamedTuple):
+    checkpoint: Checkpoint
+    joints: List[Joint]
+    terms: List[Term]
+    steps: int
+    file: bytes
+
+
+def _network(options: argparse.Namespace) -> _Network:
+    """The ONNX file of a folder: a function of the folder and of --joint, --ddim and --ignore."""
     joints = [joint(text) for text in options.joint]
-    rate, step_period = frequency(options.fps)
-    out, robot = pathlib.Path(options.out), pathlib.Path(options.robot)
-    network_file = out.with_suffix(".onnx")
-    for path in (out, network_file):
-        if path.exists():
-            raise Refused(f"{path} exists already; choose another --out", 1)
     checkpoint = _checkpoint.read(pathlib.Path(options.folder))
     diffuses = checkpoint.kind == "diffusion"
     if options.ddim and not diffuses:
@@ -106,8 +114,21 @@ def _export(options: argparse.Namespace) -> int:
     graph, terms = Graph(), _terms(checkpoint)
     steps = _diffusion.build(graph, checkpoint, options.ddim) if diffuses else _act.build(graph, checkpoint)
     checkpoint.weights.refuse_rest()
-    period, why = _period(options, checkpoint, rate, steps)
-    section = PolicySection(network_file.name, period, step_period, steps, "velocity" if diffuses else "action", joints, terms)
+    about = {"lerobot_policy": checkpoint.kind, "lerobot_weights_sha256": checkpoint.sha256, "lerobot_joints": "; ".join(options.joint)}
+    return _Network(checkpoint, joints, terms, steps, graph.file(about))
+
+
+def _export(options: argparse.Namespace) -> int:
+    rate, step_period = frequency(options.fps)
+    out, robot = pathlib.Path(options.out), pathlib.Path(options.robot)
+    network_file = out.with_suffix(".onnx")
+    for path in (out, network_file):
+        if path.exists():
+            raise Refused(f"{path} exists already; choose another --out", 1)
+    network = _network(options)
+    checkpoint, diffuses = network.checkpoint, network.checkpoint.kind == "diffusion"
+    period, why = _period(options, checkpoint, rate, network.steps)
+    section = PolicySection(network_file.name, period, step_period, network.steps, "velocity" if diffuses else "action", network.joints, network.terms)
     if diffuses:
         gain, shift = checkpoint.normal["action"]
         section.sampler, section.scale = "noisy: x_t, time: t, steps: 1", "[" + ", ".join(f"{one:.9g}" for one in gain) + "]"
@@ -117,10 +138,26 @@ def _export(options: argparse.Namespace) -> int:
     if coefficient is not None:
         section.join = f"kind: ensemble, decay: {checkpoint.number('temporal_ensemble_coeff', 0, 10):g}"
     text, added = with_policy(robot, section, f"{max(50, round(3000 / rate))} ms")
-    about = {"lerobot_policy": checkpoint.kind, "lerobot_weights_sha256": checkpoint.sha256, "lerobot_joints": "; ".join(options.joint)}
-    _write({network_file: graph.file(about), out: text.encode()})
+    _write({network_file: network.file, out: text.encode()})
     _say(checkpoint, section, why, added, out, robot)
     return 0
+
+
+def _compare_with(options: argparse.Namespace) -> int:
+    run = takt.open(options.run)
+    if not isinstance(run, takt.Run):
+        raise Refused(f"{options.run} is a panel's artifact; name a run folder")
+    if not 1 <= options.answers <= 100000 or not options.tolerance > 0:
+        raise Refused("--answers is from 1 to 100000, and --tolerance more than 0", _library.USAGE)
+    network = _network(options)
+    policy: Any = run.manifest.get("policy")
+    if not isinstance(policy, dict) or policy.get("sha256") != hashlib.sha256(network.file).hexdigest():
+        print(f"note: {options.run} ran another file than `export` writes of {options.folder} here, with these --joint")
+    found = compare(network.checkpoint, network.joints, run, lambda feature: _sensor_of(network.checkpoint, feature), options.answers)
+    agrees = found.largest <= options.tolerance
+    print(f"{'agrees' if agrees else 'differs'}: {found.compared} of {found.answers} answers of {options.run}: largest difference {found.largest:.1e} rad (slide: m), "
+          f"of joint {found.joint} at step {found.step} of answer {found.answer}; tolerance {options.tolerance:g}")
+    return 0 if agrees else 1
 
 
 def _write(files: Dict[pathlib.Path, bytes]) -> None:
@@ -152,22 +189,30 @@ def _say(checkpoint: Checkpoint, section: PolicySection, why: str, added: List[s
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
-    parser = _Parser(prog="takt.lerobot", description="Checkpoint folders of LeRobot (ACT, diffusion) as policies of robot files.", epilog=_EXAMPLE,
-                     formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False)
+    plain = argparse.RawDescriptionHelpFormatter
+    parser = _Parser(prog="takt.lerobot", description="Checkpoint folders of LeRobot (ACT, diffusion) as policies of robot files.", epilog=_EXAMPLE, formatter_class=plain,
+                     allow_abbrev=False)
     commands: Any = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    export = commands.add_parser("export", help="write the ONNX file, and the robot file that uses it", allow_abbrev=False, epilog=_EXAMPLE,
-                                 formatter_class=argparse.RawDescriptionHelpFormatter)
-    export.add_argument("folder", metavar="FOLDER", help="config.json, model.safetensors, and the processors' files of newer LeRobot")
+    export = commands.add_parser("export", help="write the ONNX file, and the robot file that uses it", allow_abbrev=False, epilog=_EXAMPLE, formatter_class=plain)
+    other = commands.add_parser("compare", help="show a run's observations to LeRobot's own policy, and compare its answers with the run's", allow_abbrev=False, epilog=_EXAMPLE,
+                                formatter_class=plain)
+    for command in (export, other):
+        command.add_argument("folder", metavar="FOLDER", help="config.json, model.safetensors, and the processors' files of newer LeRobot")
     export.add_argument("--robot", metavar="FILE", required=True, help="robot file whose policy is replaced; it is not changed")
     export.add_argument("--out", metavar="FILE", required=True, help="robot file to write; the network beside it, .onnx; neither may exist")
     export.add_argument("--fps", metavar="HZ", required=True, help="frames per second of the data set: the time between two steps of a chunk")
-    export.add_argument("--joint", metavar="NAME=UNIT", action="append", required=True,
-                        help="joint of the robot file and unit of each value of observation.state and action, in their order: rad, deg, m, mm, "
-                             "or a range such as \"0..100 is -10..95 deg\"")
     export.add_argument("--period", metavar="TIME", help="time between two inferences (\"200 ms\"); default: n_action_steps of config.json")
-    export.add_argument("--ddim", metavar="STEPS", type=int, default=0, help="diffusion: denoise by DDIM in so many steps; default: as config.json says, where that is DDIM")
-    export.add_argument("--ignore", metavar="KEY", action="append", default=[], help="key of config.json that is unknown here and does not matter")
-    return _export(parser.parse_args(arguments))
+    other.add_argument("run", metavar="RUN", help="run folder, with record.policy_inputs and record.images")
+    other.add_argument("--answers", metavar="COUNT", type=int, default=20, help="answers to compare, spread over the run (20)")
+    other.add_argument("--tolerance", metavar="RAD", type=float, default=1e-4, help="largest difference of a target, rad or m (0.0001)")
+    for command in (export, other):
+        command.add_argument("--joint", metavar="NAME=UNIT", action="append", required=True,
+                             help="joint of the robot file and unit of each value of observation.state and action, in their order: rad, deg, m, mm, "
+                                  "or a range such as \"0..100 is -10..95 deg\"")
+        command.add_argument("--ddim", metavar="STEPS", type=int, default=0, help="diffusion: denoise by DDIM in so many steps; default: as config.json says, where that is DDIM")
+        command.add_argument("--ignore", metavar="KEY", action="append", default=[], help="key of config.json that is unknown here and does not matter")
+    options = parser.parse_args(arguments)
+    return _export(options) if options.command == "export" else _compare_with(options)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from takt._refused import Refused
 
 _OPSET, _IR_VERSION = 17, 8
 _FLOAT, _INT64 = 1, 7  # TensorProto.DataType
-_LARGEST_FILE = (1 << 30) - (1 << 20)  # bytes; docs/policies.md, the built-in engine
+_LARGEST_FILE = (2 << 30) - (1 << 20)  # bytes of a protobuf message
 
 Array = NDArray[Any]
 Attribute = Union[int, float, str, Sequence[int]]
@@ -83,7 +83,7 @@ class Graph:
             self._constants[key] = array
             self._size += array.nbytes
             if self._size > _LARGEST_FILE:
-                raise Refused(f"the network has more than {_LARGEST_FILE >> 20} MiB of weights, and Takt's ONNX files hold 1 GiB")
+                raise Refused(f"the network has more than {_LARGEST_FILE >> 20} MiB of weights, and an ONNX file holds 2 GiB")
         return key
 
     def __contains__(self, constant: str) -> bool:
