@@ -728,9 +728,31 @@ class LeRobotExport(unittest.TestCase):
         self.refused("device_processor computes in float16")
         into("policy_preprocessor", {"registry_name": "normalizer_processor", "config": {}, "state_file": "../model.safetensors"})
         self.refused("normalizer_processor has no state_file in this folder")
+        for change, line in (({"norm_map": {"STATE": []}}, "observation.state is normalised by []"), ({"whiten": True}, "has a setting that is unknown here, whiten"),
+                             ({"eps": 0}, "eps is 0"), ({"features": []}, "features is []")):
+            self.small()
+            self.edit("policy_preprocessor.json", lambda content, change=change: content["steps"][3]["config"].update(change))
+            self.refused(line)
+        self.small()
+        self.edit("policy_preprocessor.json", lambda content: content["steps"][3].update(state_file="a\0"))
+        self.refused("normalizer_processor has no state_file in this folder")
         self.small()
         (self.checkpoint / "policy_preprocessor.json").unlink()
         self.refused("has no statistics: there are buffers in model.safetensors (older LeRobot), or policy_preprocessor.json")
+
+    def test_processors_count_where_config_json_says_otherwise(self):
+        self.small()
+        self.edit("policy_preprocessor.json", lambda content: content["steps"].insert(0, {"registry_name": "relative_actions_processor", "config": {"enabled": False}}))
+        self.edit("policy_preprocessor.json", lambda content: content["steps"][4]["config"]["features"].pop("observation.environment_state"))
+        self.edit("policy_preprocessor.json", lambda content: content["steps"][4]["config"].update(norm_map=dict(MODES, STATE="MIN_MAX")))
+        done = self.export()
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("lost: observation.environment_state: policy_preprocessor.json does not list it; it is not normalised, as in LeRobot\n", done.stdout)
+        self.assertIn("lost: config.json: normalization_mapping differs from policy_preprocessor.json, which counts, as in LeRobot\n", done.stdout)
+        self.clear()
+        self.small()
+        self.edit("policy_preprocessor.json", lambda content: content["steps"][0]["config"].update(rename_map={"observation.scene": "observation.environment_state"}))
+        self.assertIn("sensor scene added: 4 values", self.export().stdout)
 
     def test_a_strangers_weights_are_bounded_and_wholly_accounted_for(self):
         def with_weights(change):
@@ -754,7 +776,8 @@ class LeRobotExport(unittest.TestCase):
         first = re.search(rb'"data_offsets": \[0, (\d+)\]', content)
         for spoilt, line in ((b"", "cannot be read|not a safetensors file"), (b"\xff" * 8 + content[8:], "its header does not fit"), (content[:8 + size // 2], "does not fit"),
                              (content[:8] + b"[" * size + content[8 + size:], "its header is not JSON"), (content[:-4], "beyond the file"),
-                             (content.replace(first[0], first[0].replace(b"[0, ", b"[4, ")), "bytes, and its shape"), (content.replace(b'"F32"', b'"F8X"', 1), "is of type F8X")):
+                             (content.replace(first[0], first[0].replace(b"[0, ", b"[4, ")), "bytes, and its shape"), (content.replace(b'"F32"', b'"F8X"', 1), "is of type F8X"),
+                             (content.replace(b'"F32"', b'[333]', 1), "is of type")):
             path.write_bytes(spoilt)
             done = self.export()
             self.assertEqual(done.returncode, 65, done.stdout + done.stderr)

@@ -81,6 +81,7 @@ def _period(options: argparse.Namespace, checkpoint: Checkpoint, rate: float, st
     """Of an inference, and why."""
     if options.period:
         seconds(options.period, "--period")
+        checkpoint.lost.append(f"config.json: n_action_steps {checkpoint.integer('n_action_steps', 1, steps)}: --period says how often to infer")
         return str(options.period), "--period"
     played = checkpoint.integer("n_action_steps", 1, steps)
     if checkpoint.config.get("n_obs_steps") != 1:

@@ -59,7 +59,7 @@ class Tensors:
             whole = False
         if not whole:
             raise Refused(f"{self.path}: {shown(name)} has no dtype, shape and data_offsets as safetensors files have them")
-        if kind not in _BYTES:
+        if not isinstance(kind, str) or kind not in _BYTES:
             raise Refused(f"{self.path}: {shown(name)} is of type {shown(kind)}; convert the checkpoint to float32")
         if len(shape) > 8 or math.prod(shape) * _BYTES[kind] != end - begin:
             raise Refused(f"{self.path}: {shown(name)} has {end - begin} bytes, and its shape {list(shape)} needs another number of them")
@@ -220,7 +220,7 @@ def _spread(checkpoint: Checkpoint, feature: Feature, mode: str, low: Array, hig
 def _normalisation(checkpoint: Checkpoint, features: Iterable[Feature], modes: Any, tensors: Tensors, beginning: str, epsilon: float, by_buffers: bool) -> None:
     for feature in features:
         mode = modes.get(feature.kind, "IDENTITY") if isinstance(modes, dict) else None
-        if mode not in _STATISTICS:
+        if not isinstance(mode, str) or mode not in _STATISTICS:
             raise Refused(f"{checkpoint.folder}: {feature.name} is normalised by {shown(mode)}; there are {', '.join(_STATISTICS)}")
         width = feature.shape[0]
         checkpoint.normal[feature.name] = Affine(np.ones(width), np.zeros(width))
@@ -244,7 +244,12 @@ def _step(path: pathlib.Path, step: Any, kind: str) -> Optional[Mapping[str, Any
     if not isinstance(name, str) or not isinstance(settings, dict):
         raise Refused(f"{path}: a step has no registry_name and config")
     if name == kind:
+        unknown = [key for key, value in settings.items() if key not in ("eps", "features", "norm_map", "normalize_observation_keys") and value is not None]
+        if unknown:
+            raise Refused(f"{path}: {kind} has a setting that is unknown here, {shown(unknown[0])}")
         return settings
+    if settings.get("enabled") is False:
+        return None
     if name == "device_processor" and settings.get("float_dtype") not in (None, "float32"):
         raise Refused(f"{path}: {name} computes in {shown(settings['float_dtype'])}; Takt computes in float32: set float_dtype to null")
     if name not in _HARMLESS:
@@ -270,20 +275,24 @@ def _processor(checkpoint: Checkpoint, name: str, kind: str, features: List[Feat
         if settings is None:
             continue
         state = step.get("state_file")
-        if found or not isinstance(state, str) or pathlib.PurePath(state).name != state:
+        if found or not isinstance(state, str) or not state.isprintable() or pathlib.PurePath(state).name != state:
             raise Refused(f"{path}: {kind} has no state_file in this folder, or stands there twice")
         found = True
         epsilon = settings.get("eps", 1e-8)
         if type(epsilon) not in (int, float) or not 0 < epsilon < 1:
             raise Refused(f"{path}: eps is {shown(epsilon)}")
-        only = settings.get("normalize_observation_keys")
-        if only is not None and not isinstance(only, list):
-            raise Refused(f"{path}: normalize_observation_keys is {shown(only)}")
-        chosen = [one for one in features if only is None or one.kind == "ACTION" or one.name in only]
+        only, listed = settings.get("normalize_observation_keys"), settings.get("features", {one.name: {} for one in features})
+        if not isinstance(only, (list, type(None))) or not isinstance(listed, dict):
+            raise Refused(f"{path}: normalize_observation_keys is {shown(only)}, and features is {shown(listed)}")
+        chosen = [one for one in features if one.kind == "ACTION" or (one.name in listed and (only is None or one.name in only))]
         for one in features:
             if one not in chosen:
                 checkpoint.normal[one.name] = Affine(np.ones(one.shape[0]), np.zeros(one.shape[0]))
-        modes = settings.get("norm_map", checkpoint.config.get("normalization_mapping"))
+                checkpoint.lost.append(f"{one.name}: {path.name} does not list it; it is not normalised, as in LeRobot")
+        ours = checkpoint.config.get("normalization_mapping")
+        modes = settings.get("norm_map", ours)
+        if isinstance(ours, dict) and isinstance(modes, dict) and any(modes.get(one.kind) != ours.get(one.kind) for one in chosen):
+            checkpoint.lost.append(f"config.json: normalization_mapping differs from {path.name}, which counts, as in LeRobot")
         _normalisation(checkpoint, chosen, modes, Tensors(checkpoint.folder / state), "", float(epsilon), False)
     if not found:
         raise Refused(f"{path} has no step {kind}")
