@@ -363,6 +363,7 @@ def stand_in(config, weights, inputs, found, modes, older):
     factory.get_policy_class = lambda kind: types.SimpleNamespace(from_pretrained=lambda folder: policy)
     factory.make_pre_post_processors = processors
     sys.modules.update({"lerobot": types.ModuleType("lerobot"), "lerobot.policies": types.ModuleType("lerobot.policies"), "lerobot.policies.factory": factory})
+    return policy
 
 
 def takt_noise(seed, observation, count):
@@ -587,7 +588,7 @@ class LeRobotExport(unittest.TestCase):
                 command = ["compare", str(self.checkpoint), str(self.folder), *(text for name in JOINTS for text in ("--joint", name))]
                 with mock.patch.dict(sys.modules, {"lerobot.policies.factory": None}), self.assertRaisesRegex(takt.Refused, "needs LeRobot and PyTorch: run it with the Python in which"):
                     self.compared(command, run, None)
-                stand_in(config, weights, inputs, found, modes, older)
+                policy = stand_in(config, weights, inputs, found, modes, older)
                 code, said = self.compared(command, run, self.folder / "robot.onnx")
                 self.assertRegex(said, r"^agrees: 2 of 2 answers of .*: largest difference [0-9.]+e-0[5-9] rad \(slide: m\), of joint \w+ at step \d+ of answer \d; tolerance 0.0001\n$")
                 self.assertEqual(code, 0)
@@ -598,6 +599,16 @@ class LeRobotExport(unittest.TestCase):
                 self.assertIn("differs: 2 of 2 answers", said)
                 self.assertIn("largest difference inf rad (slide: m), of joint wrist_roll at step 1 of answer 1;", said)
                 self.assertEqual(code, 1)
+                for attribute, line in (("model" if kind == "act" else "diffusion", "LeRobot cannot answer an observation by .*: TypeError"),
+                                        ("config", "LeRobot cannot load .*: AttributeError")):
+                    with mock.patch.object(policy, attribute, None), self.assertRaisesRegex(takt.Refused, line if attribute != "diffusion" else "AttributeError"):
+                        self.compared(command, run, None)
+                if older:
+                    kept = policy.normalize_inputs
+                    del policy.normalize_inputs
+                    with self.assertRaisesRegex(takt.Refused, "let it migrate the folder, and export that"):
+                        self.compared(command, run, None)
+                    policy.normalize_inputs = kept
                 rows[0]["by_client"] = True
                 self.assertIn("of joint elbow at step 1 of answer 2;", self.compared(command, run, None)[1])
                 rows[1]["sample_image"] = [""] * len(rows[1]["sample_image"])

@@ -191,7 +191,7 @@ def _say(checkpoint: Checkpoint, section: PolicySection, why: str, added: List[s
 
 def main(arguments: Optional[List[str]] = None) -> int:
     plain = argparse.RawDescriptionHelpFormatter
-    parser = _Parser(prog="takt.lerobot", description="Checkpoint folders of LeRobot (ACT, diffusion) as policies of robot files.", epilog=_EXAMPLE, formatter_class=plain,
+    parser = _Parser(prog="python3 -m takt.lerobot", description="Checkpoint folders of LeRobot (ACT, diffusion) as policies of robot files.", epilog=_EXAMPLE, formatter_class=plain,
                      allow_abbrev=False)
     commands: Any = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     export = commands.add_parser("export", help="write the ONNX file, and the robot file that uses it", allow_abbrev=False, epilog=_EXAMPLE, formatter_class=plain)

@@ -28,6 +28,10 @@ class Apart(NamedTuple):
     answers: int
 
 
+def _line(error: Exception) -> str:
+    return f"{type(error).__name__}: {shown(str(error).strip().partition(chr(10))[0])}"
+
+
 def _module(name: str) -> Any:
     for package in ("lerobot", "lerobot.common"):
         try:
@@ -53,11 +57,19 @@ class _Judge:
                 self._before, self._after = factory.make_pre_post_processors(self._policy.config, pretrained_path=folder, preprocessor_overrides=on_processor,
                                                                              postprocessor_overrides=on_processor)
         except Exception as error:  # whatever LeRobot raises
-            raise Refused(f"LeRobot cannot load {folder}: {type(error).__name__}: {shown(str(error).strip().partition(chr(10))[0])}") from None
+            raise Refused(f"LeRobot cannot load {folder}: {_line(error)}") from None
+        if not (checkpoint.folder / "policy_preprocessor.json").exists() and not hasattr(self._policy, "normalize_inputs"):
+            raise Refused(f"{folder} has the statistics of an older LeRobot among its weights, which the installed one does not read: let it migrate the folder, and export that")
         self._images, self._checkpoint = [one.name for one in checkpoint.of_kind("VISUAL")], checkpoint
 
     def says(self, instants: List[Tensors], noise: Array) -> Array:
         """(steps, joints), in the data set's units, from the newest of the instants on. `noise`: (horizon, joints) of a diffusion policy, from the oldest."""
+        try:
+            return self._said(instants, noise)
+        except Exception as error:  # whatever LeRobot raises
+            raise Refused(f"LeRobot cannot answer an observation by {self._checkpoint.folder}: {_line(error)}", 1) from None
+
+    def _said(self, instants: List[Tensors], noise: Array) -> Array:
         torch = self._torch
         with torch.inference_mode():
             shown_ = [self._before({name: torch.from_numpy(np.array(values, np.float32)) for name, values in one.items()}) for one in instants]
