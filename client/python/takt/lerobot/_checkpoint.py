@@ -19,7 +19,7 @@ _LARGEST_HEADER = 16 << 20  # bytes of names and shapes
 _MOST_PIXELS, _MOST_CAMERAS, _MOST_VALUES = 4096, 16, 256
 _BYTES = {"F64": 8, "F32": 4, "F16": 2, "BF16": 2, "I64": 8}
 _STATISTICS = {"MEAN_STD": ("mean", "std"), "MIN_MAX": ("min", "max"), "QUANTILES": ("q01", "q99"), "QUANTILE10": ("q10", "q90"), "IDENTITY": ()}
-# Steps of a processor that change no number here.
+# Steps of a processor that leave every number as it is.
 _HARMLESS = ("to_batch_processor", "device_processor")
 
 Array = NDArray[Any]
