@@ -11,8 +11,8 @@
 // ended      after that
 // A stop is where the joint, pulled with all of `torque`, does not move by kStill for kStandsFor, having moved by
 // kLeastWay before: one that did not move is blocked, or too heavy, or was at the stop already, and which, the
-// search cannot tell. Units: joint side, rad, rad/s, Nm; of a slide m, m/s, N. Thread rule: one thread. Pure but for the
-// driver's memory.
+// search cannot tell. Units: joint side, rad, rad/s, Nm; of a slide m, m/s, N. Thread rule: one thread. Pure but for
+// the driver's memory.
 #pragma once
 
 #include <cstdint>

@@ -121,7 +121,8 @@ class Bench {
   test::WholeLoop loop() {
     const std::optional<drivers::HomeNote> notes[] = {std::exchange(note_, {})};
     test::WholeLoop made(drivers::homed_robot(robot_, notes), plant_);
-    if (notes[0]) made.driver(0).assume_home(static_cast<float>(notes[0]->left_at), drivers::may_have_moved(robot_.joints[0]));
+    if (notes[0])
+      made.driver(0).assume_home(static_cast<float>(notes[0]->left_at), drivers::may_have_moved(robot_.joints[0]));
     return made;
   }
   [[nodiscard]] double off(const test::WholeLoop& loop) const {
