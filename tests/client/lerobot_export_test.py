@@ -765,6 +765,7 @@ class LeRobotExport(unittest.TestCase):
         self.edit("policy_preprocessor.json", lambda content: content["steps"][0]["config"].update(rename_map={"observation.scene": "observation.environment_state"}))
         self.assertIn("sensor scene added: 4 values", self.export().stdout)
 
+    # Threat: policy-checkpoint
     def test_a_strangers_weights_are_bounded_and_wholly_accounted_for(self):
         def with_weights(change):
             weights = self.small()
@@ -794,11 +795,17 @@ class LeRobotExport(unittest.TestCase):
             self.assertEqual(done.returncode, 65, done.stdout + done.stderr)
             self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
             self.assertRegex(done.stderr, line)
+        path.write_bytes((5 << 20).to_bytes(8, "little") + b" " * (6 << 20))
+        self.refused("its header does not fit")
         path.unlink()
         (self.checkpoint / "pytorch_model.bin").write_bytes(b"\x80\x04cposix\nsystem\n.")
         self.refused("model.safetensors cannot be read: No such file or directory")
         os.mkfifo(path)
         self.refused("model.safetensors cannot be read: it is not a regular file")
+        (self.checkpoint / "config.json").write_text("[" + " " * (5 << 20) + "]")
+        self.refused("config.json is larger than 4 MiB")
+        (self.checkpoint / "config.json").write_text("[" * 100000)
+        self.refused("config.json cannot be read: it is nested too deeply")
 
     def test_nothing_is_overwritten_or_half_written(self):
         self.small()

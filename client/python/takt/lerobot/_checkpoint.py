@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from takt import _files
 from takt._refused import Refused
 
-_LARGEST_HEADER = 16 << 20  # bytes of names and shapes
+_LARGEST_TEXT = 4 << 20  # bytes of JSON, or of a header's names and shapes
 _MOST_PIXELS, _MOST_CAMERAS, _MOST_VALUES = 4096, 16, 256
 _BYTES = {"F64": 8, "F32": 4, "F16": 2, "BF16": 2, "I64": 8}
 _STATISTICS = {"MEAN_STD": ("mean", "std"), "MIN_MAX": ("min", "max"), "QUANTILES": ("q01", "q99"), "QUANTILE10": ("q10", "q90"), "IDENTITY": ()}
@@ -32,7 +32,7 @@ class Tensors:
         self.path = path
         self._data = _files.mapped(path)
         size = int.from_bytes(self._data[:8], "little")
-        if len(self._data) < 8 or size > min(_LARGEST_HEADER, len(self._data) - 8):
+        if len(self._data) < 8 or size > min(_LARGEST_TEXT, len(self._data) - 8):
             raise Refused(f"{path} is not a safetensors file: its header does not fit into it")
         try:
             header = json.loads(bytes(self._data[8:8 + size]))
@@ -174,6 +174,8 @@ def shown(value: Any) -> str:
 
 
 def _table(path: pathlib.Path) -> Dict[str, Any]:
+    if len(_files.mapped(path)) > _LARGEST_TEXT:
+        raise Refused(f"{path} is larger than {_LARGEST_TEXT >> 20} MiB")
     found = _files.json_of(path)
     if not isinstance(found, dict):
         raise Refused(f"{path} is not a table of keys, as LeRobot writes it")
