@@ -13,7 +13,7 @@ from takt._refused import Refused
 from takt.lerobot import _act, _checkpoint, _diffusion
 from takt.lerobot._checkpoint import Checkpoint
 from takt.lerobot._compare import compare
-from takt.lerobot._graph import Graph
+from takt.lerobot._graph import Graph, Part
 from takt.lerobot._robot_file import PolicySection, Term, with_policy
 from takt.lerobot._units import Joint, frequency, joint, to_data, to_robot
 
@@ -99,7 +99,7 @@ class _Network(NamedTuple):
     joints: List[Joint]
     terms: List[Term]
     steps: int
-    file: bytes
+    file: List[Part]
 
 
 def _network(options: argparse.Namespace) -> _Network:
@@ -139,7 +139,7 @@ def _export(options: argparse.Namespace) -> int:
     if coefficient is not None:
         section.join = f"kind: ensemble, decay: {checkpoint.number('temporal_ensemble_coeff', 0, 10):g}"
     text, added = with_policy(robot, section, f"{max(50, round(3000 / rate))} ms")
-    _write({network_file: network.file, out: text.encode()})
+    _write({network_file: network.file, out: [text.encode()]})
     _say(checkpoint, section, why, added, out, robot)
     return 0
 
@@ -152,7 +152,10 @@ def _compare_with(options: argparse.Namespace) -> int:
         raise Refused("--answers is from 1 to 100000, and --tolerance more than 0", _library.USAGE)
     network = _network(options)
     policy: Any = run.manifest.get("policy")
-    if not isinstance(policy, dict) or policy.get("sha256") != hashlib.sha256(network.file).hexdigest():
+    ours = hashlib.sha256()
+    for part in network.file:
+        ours.update(part)
+    if not isinstance(policy, dict) or policy.get("sha256") != ours.hexdigest():
         print(f"note: {options.run} ran another file than `export` writes of {options.folder} here, with these --joint")
     found = compare(network.checkpoint, network.joints, run, lambda feature: _sensor_of(network.checkpoint, feature), options.answers)
     agrees = found.largest <= options.tolerance
@@ -161,14 +164,14 @@ def _compare_with(options: argparse.Namespace) -> int:
     return 0 if agrees else 1
 
 
-def _write(files: Dict[pathlib.Path, bytes]) -> None:
+def _write(files: Dict[pathlib.Path, List[Part]]) -> None:
     """All of them, or none."""
     written: List[pathlib.Path] = []
     try:
-        for path, content in files.items():
+        for path, parts in files.items():
             with open(path, "xb") as file:
                 written.append(path)
-                file.write(content)
+                file.writelines(parts)
     except OSError as error:
         for path in written:
             path.unlink(missing_ok=True)

@@ -13,6 +13,7 @@ _FLOAT, _INT64 = 1, 7  # TensorProto.DataType
 _LARGEST_FILE = (2 << 30) - (1 << 20)  # bytes of a protobuf message
 
 Array = NDArray[Any]
+Part = Union[bytes, memoryview]
 Attribute = Union[int, float, str, Sequence[int]]
 
 
@@ -45,10 +46,12 @@ def _attribute(name: str, value: Attribute) -> bytes:
     return head + b"".join(_number(8, one) for one in value) + _number(20, 7)
 
 
-def _tensor(name: str, values: Array) -> bytes:
-    dims = b"".join(_number(1, extent) for extent in values.shape)
+def _tensor(name: str, values: Array) -> List[Part]:
+    """As the graph's initializer. The values are not copied."""
+    raw = np.ascontiguousarray(values).reshape(-1).data.cast("B")
     kind = _INT64 if values.dtype == np.int64 else _FLOAT
-    return dims + _number(2, kind) + _bytes(8, name) + _bytes(9, np.ascontiguousarray(values).tobytes())
+    head = b"".join(_number(1, extent) for extent in values.shape) + _number(2, kind) + _bytes(8, name) + _varint(9 << 3 | 2) + _varint(len(raw))
+    return [_varint(5 << 3 | 2) + _varint(len(head) + len(raw)) + head, raw]
 
 
 def _value(name: str, shape: Iterable[int]) -> bytes:
@@ -118,10 +121,12 @@ class Graph:
         grouped = self.op("InstanceNormalization", self.reshape(x, shape[0], groups, -1), ones, zeros, epsilon=epsilon)
         return self.op("Add", self.op("Mul", self.reshape(grouped, *shape), gain), shift)
 
-    def file(self, about: Mapping[str, str]) -> bytes:
-        """The file's bytes. `about`: its metadata."""
-        graph = b"".join(_bytes(1, node) for node in self._nodes) + _bytes(2, "lerobot")
-        graph += b"".join(_bytes(5, _tensor(name, values)) for name, values in self._constants.items())
-        graph += b"".join(_bytes(11, _value(*one)) for one in self._inputs) + b"".join(_bytes(12, _value(*one)) for one in self._outputs)
+    def file(self, about: Mapping[str, str]) -> List[Part]:
+        """The file's bytes, part after part. `about`: its metadata."""
+        parts: List[Part] = [b"".join(_bytes(1, node) for node in self._nodes) + _bytes(2, "lerobot")]
+        for name, values in self._constants.items():
+            parts += _tensor(name, values)
+        parts.append(b"".join(_bytes(11, _value(*one)) for one in self._inputs) + b"".join(_bytes(12, _value(*one)) for one in self._outputs))
+        head = _number(1, _IR_VERSION) + _bytes(2, "takt.lerobot") + _varint(7 << 3 | 2) + _varint(sum(map(len, parts)))
         properties = b"".join(_bytes(14, _bytes(1, key) + _bytes(2, value)) for key, value in sorted(about.items()))
-        return _number(1, _IR_VERSION) + _bytes(2, "takt.lerobot") + _bytes(7, graph) + _bytes(8, _number(2, _OPSET)) + properties
+        return [head, *parts, _bytes(8, _number(2, _OPSET)) + properties]
