@@ -7,7 +7,9 @@
 #include <cmath>
 #include <functional>
 #include <memory>
+#include <vector>
 
+#include "executive/pipeline/joint_watch.hpp"
 #include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
@@ -143,6 +145,49 @@ TEST(SlideScale, WhatMovedUnheardIsAskedAboutAlike) {
     twins.run(300, wave, silent(true));
     twins.go(0, OperatorRequest::none, [&](testing::Rig& rig, float per_rad) { rig.drives[1].q += far * per_rad; });
     twins.run(300, wave, silent(false));
+  }
+}
+
+struct Stood {
+  int found_after = 0;  // ticks under torque; 0: never found
+  std::vector<float> margins;
+};
+
+// A joint that stands still at `q` of a hinge, whatever torque it is given.
+Stood stood(bool slides, float q) {
+  TickConfig config = testing::robot(2);
+  JointConfig& joint = config.joints[1];
+  joint.loop = LoopAt::host_torque;
+  if (slides) make_slide(joint);
+  JointWatch watch;
+  MonoTime now{1'000'000'000};
+  Stood all;
+  for (int i = 0; i < 800; ++i, now = now + config.period) {
+    JointFeedback feedback;
+    feedback.received_at = now;
+    feedback.drive_state = DriveState::enabled;
+    feedback.q = q * (slides ? kWay : 1.0F);
+    take_feedback(watch, feedback, now, joint, config);
+    JointSetpoint told;
+    told.tau = i < 100 ? 0.0F : 0.15F * joint.limits.torque;
+    note_told(watch, told, 0, feedback.q, joint);
+    const bool found = (feedback_faults(watch, feedback, now, config) & bit(ReplyFault::frozen)) != 0;
+    if (found && all.found_after == 0) all.found_after = i - 100;
+    all.margins.push_back(margin_of(watch, joint, config).frozen);
+  }
+  return all;
+}
+
+// Goal: an encoder that stands still under torque is found as of a slide's motor, and one pressed against its stop is
+// not. Method: away from the stop, a little off it and nearly at it.
+TEST(SlideScale, AStandstillUnderTorqueIsFoundAlike) {
+  const float stop = testing::robot(2).joints[1].limits.q_max;
+  for (const auto& [q, is_found] :
+       {std::pair{0.0F, true}, std::pair{stop - 0.03F, true}, std::pair{stop - 0.01F, false}}) {
+    const Stood hinge = stood(false, q), slide = stood(true, q);
+    EXPECT_EQ(hinge.found_after > 0, is_found) << q;
+    EXPECT_EQ(hinge.found_after, slide.found_after) << q;
+    EXPECT_EQ(hinge.margins, slide.margins) << q;
   }
 }
 
