@@ -22,9 +22,12 @@ constexpr Duration kStep = milliseconds(10), kPeriod = milliseconds(20);
 
 class AlternativesTest : public testing::Test {
  protected:
-  void begin(config::Interpolation interpolation = config::Interpolation::linear) {
+  void begin(config::Interpolation interpolation = config::Interpolation::linear,
+             config::JointKind kind = config::JointKind::hinge) {
     config::RobotConfig robot = config::load("config/arm6.yaml").value();
     robot.joints.resize(1);
+    robot.joints[0].kind = kind;
+    if (kind == config::JointKind::slide) robot.joints[0].drive.gear_ratio = 100;
     robot.policy->steps = 4;
     robot.policy->action.interpolation = interpolation;
     robot.policy->speculation = config::Speculation{.position = 0.1, .velocity = 1.0};
@@ -64,6 +67,22 @@ class AlternativesTest : public testing::Test {
   std::unique_ptr<CommandChunk> chunk_ = std::make_unique<CommandChunk>(), answer_ = std::make_unique<CommandChunk>();
   MonoTime sensed_at_, rests_on_ = kStart - milliseconds(1);
 };
+
+// Goal: how near is of a slide's motor. Method: 100 rad to a metre, so that 0.1 rad are 1 mm and 1 rad/s 10 mm/s; a
+// little less and a little more of each.
+TEST_F(AlternativesTest, OfASlideNearIsOfItsMotor) {
+  begin(config::Interpolation::linear, config::JointKind::slide);
+  keep(kPeriod, 0.0011F, 100);
+  EXPECT_FALSE(match(kPeriod, 0.0F));
+  keep(kPeriod, 0.0009F, 100);
+  EXPECT_TRUE(match(kPeriod, 0.0F));
+  float dq = 0.011F;
+  keep(kPeriod, 0.0F, 100, &dq);
+  EXPECT_FALSE(match(kPeriod, 0.0F));
+  dq = 0.009F;
+  keep(kPeriod, 0.0F, 100, &dq);
+  EXPECT_TRUE(match(kPeriod, 0.0F));
+}
 
 TEST_F(AlternativesTest, TheNearestThatMatchesIsTaken) {
   begin();

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -75,6 +76,38 @@ TEST(Slide, ReadsBackFromItsCanonicalTextToTheSameHash) {
   EXPECT_EQ(again->sha256, robot->sha256);
   EXPECT_EQ(parse(with_every_default(*robot), "r").value().sha256, robot->sha256);
   EXPECT_NE(robot->resolved.find("kind: slide"), std::string::npos) << robot->resolved;
+}
+
+// Goal: what a slide may do is within what its drive can express, through its gear. Method: each limit a little beyond;
+// the drive's ranges are its motor's.
+TEST(Slide, ItsLimitsAreWithinItsDrivesRanges) {
+  for (const auto& [from, to, sentence] :
+       {std::array{"torque: 60 N,", "torque: 201 N,", "limits.torque: torque / gear_ratio = 2.01 Nm exceeds"},
+        std::array{"[0 m, 40 mm]", "[0 m, 124.5 mm]",
+                   "limits.position: (|position| + margin - offset) * gear_ratio = 12.55 rad"},
+        std::array{"velocity_hard: 0.4 m/s", "velocity_hard: 0.51 m/s",
+                   "limits.velocity_hard: velocity_hard * gear_ratio = 51 rad/s"},
+        std::array{"kp: 4000 N/m", "kp: 50100 N/m", "limits.kp: kp / gear_ratio^2 = 5.01 Nm/rad"},
+        std::array{"kd: 400 Ns/m", "kd: 5010 Ns/m", "limits.kd: kd / gear_ratio^2 = 0.501 Nms/rad"}}) {
+    const std::string said = refusal_of(with_slide(from, to));
+    EXPECT_NE(said.find(std::string("joints[1].") + sentence), std::string::npos) << to << ": " << said;
+  }
+}
+
+// Goal: how near an assumption must be is of a slide's motor. Method: tolerances that its range and its speed bear, and
+// ones that they do not.
+TEST(Slide, ASpeculationIsOfItsMotor) {
+  const auto with = [](const std::string& text, const std::string& tolerances) {
+    return replaced(text, "  action: {", "  speculation: { " + tolerances + " }\n  action: {");
+  };
+  EXPECT_EQ(refusal_of(with(with_slide(), "position: 0.05 rad, velocity: 0.5 rad/s")), "");
+  const std::string narrow = replaced(with_slide("[0 m, 40 mm]", "[0 m, 19 mm]"), "home: 20 mm", "home: 10 mm");
+  EXPECT_NE(refusal_of(with(narrow, "position: 0.99 rad, velocity: 0.5 rad/s")).find("half of joint knee's range"),
+            std::string::npos)
+      << refusal_of(with(narrow, "position: 0.99 rad, velocity: 0.5 rad/s"));
+  EXPECT_NE(refusal_of(with(narrow, "position: 0.05 rad, velocity: 11 rad/s"))
+                .find("is no less than joint knee's limit of 0.1 m/s"),
+            std::string::npos);
 }
 
 // What a hinge's file says and means is as it was: the kind is a default, and leaves no trace.

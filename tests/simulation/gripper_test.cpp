@@ -234,6 +234,9 @@ TEST(SlideWithoutMujoco, IsAMassThatItsDrivePushes) {
   const float read = loop.joint(0).feedback.q;
   EXPECT_NEAR(read, plant.state().q[0], 1.5e-4) << "as the drive's 16 bits have it: 12.5 rad, of which 100 are a metre";
   EXPECT_EQ(friction_of(*robot->simulation, robot->joints[0]).coulomb, 0.02 * 100) << "N";
+  config::Simulation sticky;
+  sticky.viscous = 0.003;
+  EXPECT_NEAR(friction_of(sticky, robot->joints[0]).viscous, 0.003 * 100 * 100, 1e-9) << "Ns/m";
   plant.set_line(0, {.feedback = {.offset = 0.3}});  // rad, of its motor: 3 mm
   loop.run(10);
   EXPECT_NEAR(loop.driver(0).feedback().q - plant.state().q[0], 0.003, 3e-4);
@@ -244,6 +247,22 @@ TEST(SlideWithoutMujoco, IsAMassThatItsDrivePushes) {
     mass.integrate(state, Eigen::VectorXd::Zero(1), {friction_of(*robot->simulation, robot->joints[0])},
                    milliseconds(1));
   EXPECT_NEAR(state.dq[0], 0.1 - 2.0 / 4 * 0.1, 1e-3) << "2 N on 4 kg for 0.1 s";
+}
+
+// Goal: a slide's simulated encoder steps as its motor's. Method: 0.05 rad on 100 rad to a metre are 0.5 mm.
+TEST(SlideWithoutMujoco, ItsEncoderStepsAreItsMotors) {
+  std::string text = std::string(kLoneSlide) + kPolicy;
+  for (const auto& [from, to] :
+       {std::pair<std::string, std::string>{"encoder_step: 0.001 rad", "encoder_step: 0.05 rad"},
+        {"home: 0.05 m", "home: 0.0503 m"}})
+    text.replace(text.find(from), from.size(), to);
+  const auto robot = config::parse(text, "r");
+  ASSERT_TRUE(robot) << robot.error();
+  Plant plant = Plant::on_free_inertias(*robot).value();
+  test::WholeLoop loop(*robot, plant);
+  loop.run(50);
+  EXPECT_NEAR(plant.state().q[0], 0.0503, 1e-5);
+  EXPECT_NEAR(loop.joint(0).feedback.q, 0.0505, 1e-5);
 }
 
 // Goal: a drive that knows its place within a turn knows a slide's where its way is less than a turn of the motor, 63

@@ -5,10 +5,13 @@
 // from the robot file's keys (40 deg: 9 places per turn).
 #include <gtest/gtest.h>
 
+#include <memory>
 #include <numbers>
+#include <span>
 
 #include "config/drive_presets.hpp"
 #include "drivers/protocol/odrive/odrive_driver.hpp"
+#include "drivers/protocol/placed_driver.hpp"
 #include "drivers/tools/home_place.hpp"
 #include "tests/simulation/drive_loop.hpp"
 
@@ -79,6 +82,47 @@ void tell(test::DriveLoop& loop, const config::Drive& drive, double q) {
   ASSERT_TRUE(frame);
   Frames said;
   loop.device->receive(*frame, loop.now, said);
+}
+
+// Says what it is told to have read, once a tick.
+class Reading final : public drivers::JointDriver {
+ public:
+  explicit Reading(const float& q) : q_(q) {}
+  std::size_t encode(bool, const drivers::DriveSetpoint&, MonoTime, MonoTime,
+                     std::span<drivers::CanFrame>) noexcept override {
+    return 0;
+  }
+  [[nodiscard]] bool is_set_up() const noexcept override { return true; }
+  bool decode(const drivers::ReceivedFrame& received) noexcept override {
+    feedback_.received_at = received.received_at;
+    feedback_.q = q_;
+    feedback_.drive_state = DriveState::disabled;
+    ++feedback_.replies;
+    return true;
+  }
+  [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
+
+ private:
+  const float& q_;
+  JointFeedback feedback_;
+};
+
+// Goal: what a slide may have moved without notice is of its motor, 0.05 rad. Method: a drive that counts from its
+// start, on 100 rad to a metre; 0.4 mm are 0.04 rad, 0.6 mm 0.06.
+TEST(HomeAfterPowerUp, OfASlideAJumpIsOfItsMotor) {
+  float q = 0.02F;
+  drivers::PlacedDriver placed({.per_rad = 0.01F}, std::make_unique<Reading>(q));
+  placed.assume_home(q, 0.001F);
+  MonoTime now{1};
+  const auto is_known_at = [&](float at) {
+    q = at;
+    now = now + milliseconds(1);
+    placed.decode({{}, now});
+    return placed.feedback().error_code == 0;
+  };
+  EXPECT_TRUE(is_known_at(0.02F));
+  EXPECT_TRUE(is_known_at(0.0204F));
+  EXPECT_FALSE(is_known_at(0.0210F));
 }
 
 TEST(HomeAfterPowerUp, AnOdriveThatWasToldSaysSoByItsOwnReading) {
