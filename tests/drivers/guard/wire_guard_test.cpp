@@ -76,6 +76,23 @@ TEST(WireGuard, AFieldThatIsNotTheDecidedOneDiffers) {
   }
 }
 
+// Goal: the damping that leaves instead is the joint's, at its drive: by the square of its gear. Method: 2 Nms/rad
+// through a gear of 2 are 0.5 of 5 at the motor; through one of 100 rad per metre 2000 Ns/m are 0.2.
+TEST(WireGuard, TheDampingThatLeavesInsteadIsOverTheGear) {
+  for (const auto& [kind, gear, damping, left] :
+       {std::tuple{config::JointKind::hinge, 2.0, 2.0, "7fff7ff0001997ff"},
+        std::tuple{config::JointKind::slide, 100.0, 2000.0, "7fff7ff0000a37ff"}}) {
+    config::RobotConfig robot = ak80_9().robot;
+    config::Joint& joint = robot.joints[test::joint_named(robot, "left_elbow")];
+    joint.kind = kind;
+    joint.drive.gear_ratio = gear;
+    joint.damping = damping;
+    GuardBench bench("left_elbow", robot);
+    EXPECT_NE(bench.pass(3, kAk809, Decision{}), allowed);
+    EXPECT_EQ(hex(bench.left), left);
+  }
+}
+
 // Goal: limits are those of where the joint is, not of what its drive counts from since power-on. Method: the paper's
 // frame, which says 1 rad, to a drive that reads a turn less than its joint's place.
 TEST(WireGuard, AFrameIsReadByWhatItsDriveIsOff) {
@@ -485,6 +502,11 @@ TEST(WireGuard, ADriveWithALoopOfItsOwnGetsNoMoreThanTheJointsTorque) {
     GuardBench own("right_base_yaw", in_mode(mode));
     EXPECT_EQ(own.pass(0x601, "2b72600040060000", off), allowed) << "6072: the joint's 40 Nm, of 25 Nm rated";
     EXPECT_EQ(own.pass(0x601, "2b72600041060000", off), unknown_frame);
+    config::RobotConfig geared = in_mode(mode);
+    geared.joints[test::joint_named(geared, "right_base_yaw")].drive.gear_ratio = 2;
+    GuardBench half("right_base_yaw", geared);
+    EXPECT_EQ(half.pass(0x601, "2b72600020030000", off), allowed) << "20 Nm before a gear of 2";
+    EXPECT_EQ(half.pass(0x601, "2b72600021030000", off), unknown_frame);
   }
 }
 
