@@ -7,10 +7,12 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <string>
 #include <vector>
 
+#include "config/cautions.hpp"
 #include "config/load.hpp"
 #include "tests/config/small_robot.hpp"
 
@@ -91,6 +93,22 @@ TEST(Slide, ItsLimitsAreWithinItsDrivesRanges) {
         std::array{"kd: 400 Ns/m", "kd: 5010 Ns/m", "limits.kd: kd / gear_ratio^2 = 0.501 Nms/rad"}}) {
     const std::string said = refusal_of(with_slide(from, to));
     EXPECT_NE(said.find(std::string("joints[1].") + sentence), std::string::npos) << to << ": " << said;
+  }
+}
+
+// Goal: a runaway that the drive cannot tell is warned of by the slide's own speed. Method: 50 rad/s are 0.5 m/s.
+TEST(Slide, ASpeedThatItsDriveCannotTellIsWarnedOf) {
+  for (const auto& [hard, is_said] : {std::pair{"0.4 m/s", false}, std::pair{"0.5 m/s", true}}) {
+    const auto robot = parse(with_slide("velocity_hard: 0.4 m/s", std::string("velocity_hard: ") + hard), "r");
+    ASSERT_TRUE(robot) << robot.error();
+    const auto lines = cautions_about(*robot);
+    EXPECT_EQ(std::ranges::any_of(lines,
+                                  [](const std::string& line) {
+                                    return line.find("knee") != std::string::npos &&
+                                           line.find("as fast as its drive can tell") != std::string::npos;
+                                  }),
+              is_said)
+        << hard;
   }
 }
 
