@@ -52,6 +52,7 @@ class Replayer {
 
   // What the run's ticks lack is no part of the comparison; empty: they can be replayed, else half a sentence.
   std::string adapt(const OtherTickLayout& layout) {
+    is_of_other_build_ = true;
     if (!layout.unknown.empty()) return fmt::format("hold `{}`, which this version does not know", layout.unknown[0]);
     for (const std::string& name : layout.lacking) {
       const auto is_named = [&](const TickField& field) { return field.name == name; };
@@ -249,6 +250,8 @@ std::expected<ReplayReport, std::string> replay(const RecordedRun& run, std::uin
   ReplayReport report = replayer.take_report();
   report.file = scanned->file;
   report.made_by = made_by_other_sources(run.manifest.executive);
+  // No record of another layout is of these sources.
+  if (report.made_by.empty() && scanned->is_of_other_layout) report.made_by = "of an unknown version";
   if (report.identical + report.mismatches == 0 && !refusal.empty()) return std::unexpected(refusal);
   return report;
 }

@@ -121,8 +121,9 @@ TEST_F(OtherVersions, FieldsGoByTheirNames) {
     ASSERT_EQ(std::memcmp(&record, &expected.at(tick), record.used_bytes()), 0) << tick;
   const auto replayed = replay(other, 1);
   ASSERT_FALSE(replayed);
-  EXPECT_THAT(replayed.error(), HasSubstr("cannot be replayed bit for bit: its ticks hold `moon`, which this version "
-                                          "does not know (made by takt "));
+  EXPECT_THAT(replayed.error(),
+              HasSubstr("cannot be replayed bit for bit: its ticks hold `weather`, which this version "
+                        "does not know (made by takt "));
 }
 
 // Goal: a run of a version that recorded less replays bit for bit in what it has; one that lacks an input is refused.
