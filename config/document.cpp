@@ -16,6 +16,7 @@
 #include <streambuf>
 
 #include "config/printable.hpp"
+#include "config/read_all.hpp"
 
 namespace takt::config {
 namespace {
@@ -252,10 +253,12 @@ std::expected<std::string, std::string> read_file(const std::string& path) {
     return std::unexpected(fmt::format("{}: holds {} bytes; at most {} are read: is this the right file?", path,
                                        status.st_size, kMaxBytes));
   std::ifstream stream(path, std::ios::binary);
-  std::string text{std::istreambuf_iterator<char>(stream), {}};
   if (!stream)
     return std::unexpected(fmt::format("{}: cannot be read: {}; check its permissions", path, std::strerror(errno)));
-  return text;
+  auto text = read_all(stream);
+  if (!text)
+    return std::unexpected(fmt::format("{}: reading it failed: {}; check the medium", path, std::strerror(errno)));
+  return *std::move(text);
 }
 
 std::string_view kind_name(Node::Kind kind) {

@@ -12,6 +12,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "config/read_all.hpp"
 #include "config/robot_text.hpp"
 #include "executive/ipc/unix_socket.hpp"
 #include "simulation/bounded_child.hpp"
@@ -83,7 +84,7 @@ std::expected<Model, std::string> compile_coupled(const std::string& path, const
   char error[1000] = "";
   if (mj_saveLastXML(written.path().c_str(), model->get(), error, sizeof error) == 0) return std::unexpected(error);
   std::ifstream stream(written.path());
-  std::string text{std::istreambuf_iterator<char>(stream), {}};
+  std::string text = config::read_all(stream).value_or("");
   text.insert(std::min(text.rfind("</mujoco>"), text.size()), equalities);
   return compile(MemoryFile(text).path());
 }

@@ -7,13 +7,13 @@
 #include <cerrno>
 #include <chrono>
 #include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <system_error>
 #include <utility>
 
 #include "config/hash.hpp"
 #include "config/load.hpp"
+#include "config/sha256.hpp"
 #include "executive/contract/version.hpp"
 
 namespace takt::runtime {
@@ -26,9 +26,7 @@ std::int64_t nanoseconds_of() {
 
 // By the program itself: under a service manager no other user may look behind /proc/PID/exe.
 std::string binary_sha256() {
-  std::ifstream file("/proc/self/exe", std::ios::binary);
-  const std::string bytes{std::istreambuf_iterator<char>(file), {}};
-  return bytes.empty() ? std::string() : config::sha256_hex(bytes);
+  return config::file_sha256("/proc/self/exe").value_or("");
 }
 
 nlohmann::ordered_json controller_json(const drivers::CanLink& link) {

@@ -15,6 +15,7 @@
 #include <iterator>
 #include <utility>
 
+#include "config/read_all.hpp"
 #include "monitor/record/holes.hpp"
 
 namespace takt::monitor {
@@ -171,7 +172,9 @@ std::expected<std::string, std::string> read_file(const std::string& path) {
     return std::unexpected(fmt::format("cannot read {}: most of it are holes", path));
   std::ifstream in(path, std::ios::binary);
   if (!in) return std::unexpected(fmt::format("cannot read {}: {}", path, std::strerror(errno)));
-  return std::string(std::istreambuf_iterator<char>(in), {});
+  auto content = config::read_all(in);
+  if (!content) return std::unexpected(fmt::format("cannot read {}: {}", path, std::strerror(errno)));
+  return *std::move(content);
 }
 
 }  // namespace takt::monitor

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
+#include "config/read_all.hpp"
 #include "config/robot_text.hpp"
 
 namespace takt::policy_host {
@@ -26,7 +27,9 @@ std::expected<std::string, std::string> bytes_of(const std::filesystem::path& fi
   if (std::filesystem::file_size(file, error) > kMostBytes || error)
     return std::unexpected(fmt::format("{}: larger than {} MiB", file.string(), kMostBytes >> 20U));
   std::ifstream stream(file, std::ios::binary);
-  return std::string(std::istreambuf_iterator<char>(stream), {});
+  auto bytes = config::read_all(stream);
+  if (!bytes) return std::unexpected(fmt::format("{}: reading it failed; check its permissions", file.string()));
+  return *std::move(bytes);
 }
 
 std::string problem_in(const nlohmann::json& entry, std::size_t bytes, InitialValue& value) {

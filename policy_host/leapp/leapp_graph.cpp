@@ -6,13 +6,12 @@
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <optional>
 #include <utility>
 
 #include "config/document.hpp"
 #include "config/load.hpp"
+#include "config/sha256.hpp"
 #include "policy_host/leapp/beside.hpp"
 #include "policy_host/leapp/initial_values.hpp"
 #include "policy_host/policy_tensors.hpp"
@@ -187,16 +186,18 @@ std::expected<std::string, std::string> checked_model_file(const std::string& bu
   const auto beside = path_beside(bundle, "model_path", node.model_path);
   if (!beside) return std::unexpected(beside.error());
   const fs::path& path = *beside;
-  std::ifstream stream(path, std::ios::binary);
-  if (!stream) return std::unexpected(fmt::format("{}: is not there; it stands beside {}", path.string(), bundle));
+  std::error_code unreadable;
+  if (!fs::is_regular_file(path, unreadable))
+    return std::unexpected(fmt::format("{}: is not there; it stands beside {}", path.string(), bundle));
   if (node.sha256.empty())
     return std::unexpected(
         fmt::format("{}: has no sha256sum of {}, so which network that is cannot be checked; export it again", bundle,
                     node.model_path));
-  const std::string sha256 = config::sha256_hex(std::string(std::istreambuf_iterator<char>(stream), {}));
-  if (!std::ranges::equal(sha256, node.sha256, {}, {}, [](unsigned char c) { return std::tolower(c); }))
+  const auto sha256 = config::file_sha256(path.string());
+  if (!sha256) return std::unexpected(fmt::format("{}: {}", path.string(), sha256.error()));
+  if (!std::ranges::equal(*sha256, node.sha256, {}, {}, [](unsigned char c) { return std::tolower(c); }))
     return std::unexpected(
-        fmt::format("{}: sha256 {} is not the bundle's {}; export it again", path.string(), sha256, node.sha256));
+        fmt::format("{}: sha256 {} is not the bundle's {}; export it again", path.string(), *sha256, node.sha256));
   return path.string();
 }
 

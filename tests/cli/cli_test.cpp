@@ -17,6 +17,7 @@
 #include <thread>
 #include <utility>
 
+#include "config/read_all.hpp"
 #include "tests/cli/shell.hpp"
 #include "tests/process/patient_copy.hpp"
 #include "tests/shared_files.hpp"
@@ -77,7 +78,7 @@ class Cli : public test::Shell {
     int count = 0;
     for (const auto& entry : fs::directory_iterator("/proc")) {
       std::ifstream file(entry.path() / "cmdline");
-      const std::string line{std::istreambuf_iterator<char>(file), {}};
+      const std::string line = config::read_all(file).value_or("");  // of one that ends meanwhile: nothing
       if (line.find(directory()) != std::string::npos && line.find("takt") != std::string::npos) ++count;
     }
     return count;

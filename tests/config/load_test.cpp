@@ -213,6 +213,13 @@ TEST(JointDefaults, AProblemIsToldOnceWithItsBlock) {
       std::string::npos);
 }
 
+// Goal: a medium that fails is told as such, in one line. Method: a file of the kernel that gives an error when read.
+TEST(Load, AFileThatFailsToBeReadIsNamed) {
+  const auto robot = load("/proc/self/mem");
+  ASSERT_FALSE(robot);
+  EXPECT_EQ(robot.error(), "/proc/self/mem: reading it failed: Input/output error; check the medium");
+}
+
 // --- based_on ---
 
 // Goal: a robot that says how it differs from another one is that robot, written out. Method: a folder with the small
