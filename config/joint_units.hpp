@@ -37,7 +37,7 @@ inline constexpr JointQuantity kJointGear{Dimension::none, Dimension::angle_per_
 // Of some joints of a robot: "rad", "m", or "rad (slides: m)". `joints`: by number; empty: all.
 inline std::string unit_of_joints(const RobotConfig& robot, std::span<const std::size_t> joints,
                                   const JointQuantity& quantity) {
-  const std::string hinge(quantity.unit(JointKind::hinge)), slide(quantity.unit(JointKind::slide));
+  std::string hinge(quantity.unit(JointKind::hinge)), slide(quantity.unit(JointKind::slide));
   const auto slides = [&robot](std::size_t joint) { return robot.joints[joint].kind == JointKind::slide; };
   const auto all = std::ranges::count(robot.joints, JointKind::slide, &Joint::kind);
   const auto count = joints.empty() ? all : std::ranges::count_if(joints, slides);
