@@ -45,7 +45,7 @@ struct ReplayReport {
   std::uint64_t keyframes = 0;   // compared with the recomputed state, equal
   std::uint64_t started_at = 0;  // first tick judged; 0 none
   std::uint64_t last_tick = 0;   // that the file holds; 0 none
-  std::string made_by;  // version of the executive, where it was built of other sources; empty: not so
+  std::string made_by;           // version of the executive, where it was built of other sources; empty: not so
   std::vector<std::string> not_compared;  // outputs that this version records and the run's did not yet
   std::optional<Mismatch> first;
   McapReport file;
