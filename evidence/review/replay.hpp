@@ -50,8 +50,10 @@ struct ReplayReport {
   std::optional<Mismatch> first;
   McapReport file;
   [[nodiscard]] bool reproduces() const { return mismatches == 0 && identical > 0 && file.damaged_chunks == 0; }
-  // No tick of the run was left unjudged.
-  [[nodiscard]] bool is_whole() const { return not_judged == 0 && missing == 0 && unrecorded == 0 && file.finished; }
+  // No tick of the run, and no output of one, was left unjudged.
+  [[nodiscard]] bool is_whole() const {
+    return not_judged == 0 && missing == 0 && unrecorded == 0 && not_compared.empty() && file.finished;
+  }
 };
 
 // `from`: first tick of interest; replay starts at the last keyframe before it. The error is one sentence.

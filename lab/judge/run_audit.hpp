@@ -21,7 +21,8 @@ struct RunAudit {
   std::expected<monitor::CheckedSeal, std::string> seal;
   std::expected<monitor::ReplayReport, std::string> replay;
   Vouching vouching;
-  // Sealed to its end, no file altered, and every judged tick reproduces. A forger who edits every file gets here.
+  // Sealed to its end, no file altered, every judged tick reproduces, with every output of it. A forger who edits every
+  // file gets here.
   [[nodiscard]] bool is_consistent() const;
   // And the named key signed it.
   [[nodiscard]] bool is_ready() const;

@@ -130,9 +130,9 @@ TEST_F(ImageWatchTest, WhatWasNeverPublishedIsToldAndNoMore) {
   later.sequence = 99;
   of_another_time.published_at = real.published_at + nanoseconds(1);
   std::vector<PolicyInputSample> all{later, of_another_time, real};
-  for (const std::uint32_t nonsense : {0U, 2U, 3U, UINT32_MAX}) {  // no images, no sensor's, beyond the list
+  for (const std::uint32_t stray : {0U, 2U, 3U, UINT32_MAX}) {  // no images, no sensor's, beyond the list
     all.push_back(real);
-    all.back().sensor = nonsense;
+    all.back().sensor = stray;
   }
   watch.shown(naming(all));
   wait_for(watch, 3);

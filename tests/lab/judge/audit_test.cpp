@@ -12,6 +12,7 @@
 #include <filesystem>
 
 #include "lab/judge/post_mortem.hpp"
+#include "lab/judge/run_audit.hpp"
 #include "lab/panel/panel_promise.hpp"
 #include "monitor/record/bounded_file.hpp"
 #include "tests/lab/artifact/sample_artifact.hpp"
@@ -401,6 +402,19 @@ TEST(FailureWatch, WithoutAStopKeepsTheLastTicks) {
   for (header.tick = 1; header.tick <= 100; ++header.tick) watch.tick(header);
   EXPECT_EQ(watch.around().back().tick, 100U);
   EXPECT_EQ(watch.around().size(), 11U);
+}
+
+// Goal: leaving outputs out of a run's record makes no run consistent. Method: a sealed run that reproduces, then the
+// same with an output that was not compared.
+TEST(RunAudit, ARunThatLacksAnOutputIsNotConsistent) {
+  monitor::ReplayReport replay;
+  replay.ticks = replay.identical = 10;
+  RunAudit audit{"run", monitor::CheckedSeal{}, replay, {}};
+  audit.seal->closed = true;
+  EXPECT_TRUE(audit.is_consistent());
+  audit.replay->not_compared = {"tau_command"};
+  EXPECT_FALSE(audit.is_consistent());
+  EXPECT_NE(audit_text(audit).find("replayed in part"), std::string::npos) << audit_text(audit);
 }
 
 }  // namespace
