@@ -2,6 +2,8 @@
 // The fuzzer's input, taken piece by piece.
 #pragma once
 
+#include <signal.h>
+
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -21,10 +23,21 @@ inline void require(bool holds, const std::source_location& where = std::source_
   std::abort();
 }
 
+// libFuzzer looks at the time in a handler of SIGALRM: a connect() or recv() that it meets begins again.
+inline void restart_interrupted_calls() {
+  struct sigaction alarm {};
+  require(::sigaction(SIGALRM, nullptr, &alarm) == 0);
+  if ((alarm.sa_flags & SA_RESTART) != 0) return;
+  alarm.sa_flags |= SA_RESTART;
+  require(::sigaction(SIGALRM, &alarm, nullptr) == 0);
+}
+
 // Zeros after the input's end.
 class Source {
  public:
-  explicit Source(std::span<const std::uint8_t> bytes) : left_(bytes) {}
+  explicit Source(std::span<const std::uint8_t> bytes) : left_(bytes) {
+    [[maybe_unused]] static const bool is_once = (restart_interrupted_calls(), true);
+  }
   [[nodiscard]] bool is_empty() const { return left_.empty(); }
   std::uint8_t byte() {
     if (left_.empty()) return 0;
