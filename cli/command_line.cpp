@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <exception>
 #include <filesystem>
-#include <sstream>
 #include <string>
 #include <vector>
 
@@ -13,6 +12,7 @@
 #include "cli/mistyped.hpp"
 #include "config/printable.hpp"
 #include "executive/contract/version.hpp"
+#include "executive/program/command_line_error.hpp"
 
 namespace takt::cli {
 namespace {
@@ -51,9 +51,7 @@ int parse(CLI::App& app, std::vector<std::string> words) {
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);
     if (wrong) return refuse(kExitUsage, "takt: " + *wrong);
-    std::ostringstream said;  // it repeats words of the command line
-    app.exit(error, said, said);
-    std::fputs(config::printable(said.str()).c_str(), stderr);
+    std::fputs(program::command_line_answer(app, error).c_str(), stderr);
     return kExitUsage;
   }
   return kExitOk;

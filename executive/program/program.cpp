@@ -10,6 +10,7 @@
 #include "executive/contract/version.hpp"
 #include "executive/ipc/unix_socket.hpp"
 #include "executive/log/program_log.hpp"
+#include "executive/program/command_line_error.hpp"
 
 namespace takt::program {
 namespace {
@@ -60,7 +61,9 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kExitUsage;
+    if (error.get_exit_code() == 0) return app.exit(error);
+    std::fputs(command_line_answer(app, error).c_str(), stderr);
+    return kExitUsage;
   }
   return std::nullopt;
 }

@@ -311,6 +311,21 @@ TEST_F(Cli, NothingThatOthersWroteMovesTheCursor) {
   }
 }
 
+// Goal: a command line that is not understood is answered by the command that it names, and by the way to its help; a
+// group alone by its help. Method: each kind of mistake that CLI11 has a sentence of its own for.
+TEST_F(Cli, ACommandLineThatIsNotUnderstoodIsAnsweredByItsCommand) {
+  for (const auto& [words, answer] : {std::pair{"", "Run a robot"},
+                                      {"bus", "takt bus [OPTIONS] SUBCOMMAND"},
+                                      {"report", "takt report: DIR is required; `takt report --help`"},
+                                      {"report a b c", "takt report: the following arguments were not expected"},
+                                      {"panel run", "takt panel run: PANEL is required; `takt panel run --help`"}}) {
+    const Ended ended = Shell::takt(words);
+    EXPECT_EQ(ended.exit_code, 64) << words;
+    EXPECT_NE(ended.output.find(answer), std::string::npos) << ended.output;
+    EXPECT_EQ(ended.output.find("Run with --help"), std::string::npos) << ended.output;
+  }
+}
+
 // Goal: a simulated robot of a model alone moves as fast as its model says, and its limits contradict neither each
 // other nor its inertias. Method: an arm's URDF; what `config check` notes of the file that is written.
 TEST_F(Cli, ASimulatedRobotOfAModelAloneKeepsTheModelsSpeeds) {

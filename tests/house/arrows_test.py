@@ -60,7 +60,7 @@ MAY_USE = {
     "cli/policy": f"{SHARED} cli policy_host monitor/record evidence/policy",
     "cli/top": f"{SHARED} executive/incident cli cli/run cli/evidence drivers/protocol monitor monitor/record monitor/judge monitor/telemetry",
     "cli/robot": f"{SHARED} executive/setup cli cli/run drivers/bus drivers/protocol drivers/tools drivers/torque_output monitor/record policy_host sensors simulation systemd/deploy systemd/doctor evidence/attestation",
-    "cli": f"{SHARED}",
+    "cli": f"{SHARED} executive/program",
 }
 
 
