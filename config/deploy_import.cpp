@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <optional>
 #include <set>
 
@@ -208,6 +209,31 @@ std::string simulation_text(const ImportOptions& options) {
   if (!options.model->imu_site.empty() && !options.policy_file.empty())
     text += fmt::format("    imu: {{ site: {} }}\n", plain_or_quoted(options.model->imu_site));
   return text;
+}
+
+template <class Unit>
+std::string vector_text(const Vector3& value, Unit unit) {
+  return fmt::format("[{0}{3}, {1}{3}, {2}{3}]", value[0], value[1], value[2], unit);
+}
+
+// Rigid bodies by the names that joints have here.
+std::string bodies_text(const std::vector<ImportedJoint>& joints, const ImportOptions& options) {
+  if (!options.bodies || options.bodies->links.size() != joints.size()) return {};
+  const Model& bodies = *options.bodies;
+  std::string text = fmt::format(
+      "\nmodel:   # rigid bodies of {}, without a load: a stop and a hold carry them\n  gravity: {}\n  links:\n",
+      on_one_line(std::filesystem::path(options.model_file).filename().string()), vector_text(bodies.gravity, " m/s2"));
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    const Link& link = bodies.links[i];
+    text += fmt::format(
+        "    - {{ joint: {}, parent: {}, origin: {{ xyz: {}, rpy: {} }}, axis: {}, mass: {} kg, com: {}, inertia: {} "
+        "}}\n",
+        joints[i].name, link.parent < 0 ? "base" : joints[static_cast<std::size_t>(link.parent)].name,
+        vector_text(link.origin_xyz, " m"), vector_text(link.origin_rpy, " rad"), vector_text(link.axis, ""), link.mass,
+        vector_text(link.com, " m"), vector_text(link.inertia, " kgm2"));
+  }
+  return text +
+         fmt::format("  tool: {{ link: {}, xyz: {} }}\n", joints.back().name, vector_text(bodies.tool_xyz, " m"));
 }
 
 constexpr const char* kNoPolicy =
@@ -637,7 +663,7 @@ std::expected<std::string, std::string> import_deploy_file(const DeployFile& dep
          (options.policy_file.empty()
               ? ""
               : sensors_text(deploy, options.simulated) + policy_text(deploy, imported, options)) +
-         (options.simulated ? simulation_text(options) + kBeforeARealRobot : "") +
+         bodies_text(imported, options) + (options.simulated ? simulation_text(options) + kBeforeARealRobot : "") +
          (options.policy_file.empty() ? kNoPolicy : "");
 }
 

@@ -23,6 +23,7 @@ struct ImportOptions {
   std::string input{}, output{};         // as policy.input and policy.output; empty: the defaults
   std::optional<ModelFacts> model{};     // names (unless given), position limits, torques, inertias
   std::string model_file{};              // as it shall stand in the file
+  std::optional<Model> bodies{};         // one link per joint, by its name in the model; none: no `model` is written
   bool simulated = false;                // needs `model`
 };
 

@@ -31,6 +31,7 @@
 #include "policy_host/onnx/model.hpp"
 #include "policy_host/policy_tensors.hpp"
 #include "simulation/model_survey.hpp"
+#include "simulation/rigid_bodies.hpp"
 
 namespace takt::cli {
 namespace {
@@ -192,6 +193,14 @@ std::expected<void, std::string> keep_model_beside(Given& given) {
   return {};
 }
 
+// What each joint carries, in the order in which the robot file will have them.
+std::expected<std::optional<config::Model>, std::string> bodies_of(const std::optional<config::ModelFacts>& model,
+                                                                   const Given& given) {
+  if (!model) return std::nullopt;
+  const auto names = given.joint_names.empty() ? config::motor_order(*model).joints : given.joint_names;
+  return plant::rigid_bodies(given.model_file, given.mesh_path, names);
+}
+
 // A robot file that is not there yet. Returns the exit code; what is wrong was said.
 int write_new(const std::string& path, const std::string& text) {
   std::error_code ignored;
@@ -228,12 +237,15 @@ int import(Given given) {
       remarks.push_back(std::move(left));
   if (model && given.joint_names.empty())
     if (const auto order = config::motor_order(*model); !order.remark.empty()) remarks.push_back(order.remark);
+  const auto bodies = bodies_of(model, given);
+  if (!bodies) return refuse(config::kExitBadConfiguration, bodies.error());
   config::ImportOptions options{.robot = given.robot,
                                 .policy_file = path_from(given.out, given.policy_file),
                                 .joint_names = given.joint_names,
                                 .source = fs::path(given.export_file).filename().string(),
                                 .model = std::move(model),
                                 .model_file = path_from(given.out, given.model_file),
+                                .bodies = *bodies,
                                 .simulated = given.simulated};
   if (!deploy->tensors) name_tensors(given.policy_file, *deploy, options);
   const auto robot = config::import_deploy_file(*deploy, options);
@@ -254,12 +266,16 @@ int make_new(Given given) {
   if (const auto kept = keep_model_beside(given); !kept) return refuse(kExitFailed, kept.error());
   const std::string name =
       given.robot.empty() ? config::as_identifier(fs::path(source).stem().string(), "robot_") : given.robot;
+  for (const config::ModelJoint& joint : model->joints) given.joint_names.push_back(joint.name);
+  const auto bodies = bodies_of(*model, given);
+  if (!bodies) return refuse(config::kExitBadConfiguration, bodies.error());
   const auto robot = config::robot_of_model({.robot = name,
                                              .policy_file = {},
                                              .joint_names = {},
                                              .source = fs::path(source).filename().string(),
                                              .model = *model,
                                              .model_file = path_from(given.out, given.model_file),
+                                             .bodies = *bodies,
                                              .simulated = given.simulated});
   if (!robot) return refuse(kExitUsage, robot.error());
   if (const int refused = write_new(given.out, *robot); refused != kExitOk) return refused;
