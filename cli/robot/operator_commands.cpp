@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // takt arm, stop, reset, mark, status: one request to the executive each.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -9,6 +10,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "cli/command.hpp"
@@ -30,6 +32,7 @@ struct OperatorOptions {
   std::string robot_file;
   bool json = false;
   bool now = false;
+  bool all = false;
   std::vector<std::string> text;  // of a mark, word by word
 };
 
@@ -90,8 +93,78 @@ void print_reply(OperatorVerb verb, const OperatorReply& reply, const OperatorOp
     fmt::print("mode {}\n", name(reply.status.tick.mode));
 }
 
+struct Stopped {
+  RunningRobot robot;
+  std::expected<OperatorReply, std::string> reply = std::unexpected("");
+  bool did_already = false;  // it was not pressed
+};
+
+// A robot in a stop is not pressed: that would be its second press, which takes the power away.
+void stop_one(OperatorVerb verb, Stopped& stopped) {
+  const std::string socket = config::executive_socket(stopped.robot.runtime_directory);
+  if (verb == OperatorVerb::press_stop) {
+    stopped.reply = ipc::ask(socket, OperatorVerb::status, kOperatorAnswersWithin);
+    if (stopped.reply) {
+      const Mode mode = stopped.reply->status.tick.mode;
+      stopped.did_already = mode == Mode::damped_stop || mode == Mode::fault_latched;
+    }
+  }
+  if (!stopped.did_already) stopped.reply = ipc::ask(socket, verb, kOperatorAnswersWithin);
+}
+
+int exit_code_of(const Stopped& stopped) {
+  if (!stopped.reply) return kExitUnavailable;
+  return stopped.did_already || stopped.reply->done != 0 ? kExitOk : kExitFailed;
+}
+
+std::string text_of(const Stopped& stopped) {
+  if (!stopped.reply)
+    return fmt::format("no executive answers in {}: {}", stopped.robot.runtime_directory, stopped.reply.error());
+  if (stopped.did_already) return fmt::format("mode {}, not pressed again", name(stopped.reply->status.tick.mode));
+  const auto sentences = sentences_of(*stopped.reply);
+  return sentences.empty() ? fmt::format("mode {}", name(stopped.reply->status.tick.mode))
+                           : fmt::format("{}", fmt::join(sentences, "; "));
+}
+
+nlohmann::json json_of(const Stopped& stopped) {
+  nlohmann::json json{{"robot", stopped.robot.name},
+                      {"runtime_dir", stopped.robot.runtime_directory},
+                      {"done", exit_code_of(stopped) == kExitOk},
+                      {"pressed", !stopped.did_already},
+                      {"sentences", {text_of(stopped)}},
+                      {"status", nullptr}};
+  if (stopped.reply) json["status"] = status_json(stopped.reply->status, stopped.reply->incident);
+  return json;
+}
+
+// Each in a thread of its own: one that hangs keeps no other from being stopped.
+int stop_all(OperatorVerb verb, bool json) {
+  std::vector<Stopped> all;
+  for (RunningRobot& robot : running_robots(places_of_this_user())) all.push_back({.robot = std::move(robot)});
+  if (all.empty()) return refuse_request(the_running_robot(places_of_this_user(), {}).error(), json);
+  {
+    std::vector<std::jthread> threads;
+    threads.reserve(all.size());
+    for (Stopped& one : all) threads.emplace_back([verb, &one] { stop_one(verb, one); });
+  }
+  int exit_code = kExitOk;
+  nlohmann::json robots = nlohmann::json::array();
+  for (const Stopped& one : all) {
+    exit_code = std::max(exit_code, exit_code_of(one));
+    if (json)
+      robots.push_back(json_of(one));
+    else
+      fmt::print(exit_code_of(one) == kExitOk ? stdout : stderr, "{}: {}\n", one.robot.name, text_of(one));
+  }
+  if (json) fmt::print("{}\n", json_line(nlohmann::json{{"robots", robots}}));
+  return exit_code;
+}
+
 int request(OperatorVerb verb, const OperatorOptions& options) {
-  const auto directory = runtime_dir_of(options);
+  if (options.all) return stop_all(verb, options.json);
+  auto directory = runtime_dir_of(options);
+  if (!directory && directory.error().exit_code == kExitUsage && verb == OperatorVerb::press_stop)
+    directory.error().sentence += "\n  all of them: takt stop --all";
   if (!directory) return refuse_request(directory.error(), options.json);
   std::string text;
   for (const std::string& word : options.text) text += (text.empty() ? "" : " ") + word;
@@ -113,6 +186,8 @@ void add(CLI::App& app, int& exit_code, OperatorVerb verb, const char* word, con
   CLI::Option_group* where = command->add_option_group("where", "which running robot, where there are several");
   where->add_option("--runtime-dir", options->runtime_dir, "its runtime directory");
   where->add_option("--robot", options->robot_file, "its robot file: the one of that name");
+  if (verb == OperatorVerb::press_stop)
+    where->add_flag("--all", options->all, "every robot of this machine; one that stops already is not pressed again");
   where->require_option(0, 1);
   command->add_flag("--json", options->json, "one line of JSON");
   command->footer(footer);
@@ -136,7 +211,7 @@ void add_arm(CLI::App& app, int& exit_code) {
 void add_stop(CLI::App& app, int& exit_code) {
   add(app, exit_code, OperatorVerb::press_stop, "stop",
       "Stop softly: damping until the robot rests, then hold. A second time: no power, in every mode.",
-      "Example: takt stop\n"
+      "Examples: takt stop; takt stop --all\n"
       "The second stop may come 0.2 s after the first, until the stop is reset. What hangs falls.\n"
       "After one stop `takt arm` is refused until `takt reset`; after the second, or --now, it is not.\n"
       "Exit codes: 0 stopping, 64 several run, 65 configuration, 69 none runs, or handed over without an answer.");
