@@ -29,8 +29,9 @@ void check_periods(const RobotConfig& robot, const Policy& policy, Checker& chec
   const Duration horizon = policy.step_period * policy.steps;
   checker.require(horizon > policy.period, "policy.step_period",
                   fmt::format("steps * step_period = {} must exceed policy.period {}: chunks would end before the next "
-                              "arrives; raise one",
-                              format_duration(horizon), format_duration(policy.period)));
+                              "arrives; raise one: step_period {} lets two answers fail",
+                              format_duration(horizon), format_duration(policy.period),
+                              format_duration(Duration{3 * policy.period.ns / policy.steps})));
 }
 
 void check_source(const RobotConfig& robot, const ObservationTerm& term, const std::string& path, Checker& checker) {
@@ -157,9 +158,9 @@ void check_join(const RobotConfig& robot, const Policy& policy, Checker& checker
                                   "blend or ensemble"));
       [[fallthrough]];
     case JoinKind::cross_fade:
-      checker.require(
-          join.over <= horizon, "policy.action.join.over",
-          fmt::format("{} exceeds the chunk's {}; lower it", format_duration(join.over), format_duration(horizon)));
+      checker.require(join.over <= horizon, "policy.action.join.over",
+                      fmt::format("{} exceeds the chunk's {}; lower it, or write join: {{ kind: replace }}",
+                                  format_duration(join.over), format_duration(horizon)));
       return;
     case JoinKind::prefix:
       check_prefix(robot, policy, checker);

@@ -64,8 +64,13 @@ std::string contract_sentence(const config::RobotConfig& robot) {
   const Duration by_share = allowed + robot.control.period;
   const Duration after = robot.degraded.after;
   const Duration silence = after > Duration{} ? std::min(after, by_share) : by_share;
-  std::string sentence = fmt::format("a silence of {} beyond max_age {} degrades the robot",
-                                     config::format_duration(silence), config::format_duration(contract.max_age));
+  const Duration played = robot.policy ? robot.policy->step_period * robot.policy->steps : contract.max_age;
+  const std::string max_age = config::format_duration(contract.max_age);
+  const std::string from = played < contract.max_age ? fmt::format("the chunk's end at {} (max_age {})",
+                                                                   config::format_duration(played), max_age)
+                                                     : "max_age " + max_age;
+  std::string sentence =
+      fmt::format("a silence of {} beyond {} degrades the robot", config::format_duration(silence), from);
   if (robot.policy && silence <= robot.policy->period)
     sentence += fmt::format("; the policy answers every {}: one late answer may be enough",
                             config::format_duration(robot.policy->period));

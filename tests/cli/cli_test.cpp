@@ -210,6 +210,11 @@ TEST_F(Cli, ConfigCheckSaysWhichSilenceDegradesTheRobot) {
   says(robot_, "11 ms");
   for (const auto& [after, silence] : {std::pair{"5 ms", "5 ms"}, std::pair{"40 ms", "11 ms"}})
     says(::takt::test::patient_copy("config/arm6.yaml", directory(), {{"degraded.after", after}}), silence);
+  const std::string short_chunks =
+      ::takt::test::patient_copy("config/arm6.yaml", directory(), {{"freshness.max_age", "200 ms"}});
+  const std::string output = run("config check " + short_chunks).output;
+  EXPECT_NE(output.find("a silence of 11 ms beyond the chunk's end at 160 ms (max_age 200 ms)"), std::string::npos)
+      << output;
 }
 
 TEST_F(Cli, ConfigCheckRefusesWhatHostAndPlantWould) {

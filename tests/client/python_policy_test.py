@@ -6,12 +6,13 @@ written by the tests; the arm's true motion comes from the simulator. Usage: pyt
 """
 import json
 import re
+import shutil
 import sys
 import unittest
 
 import numpy as np
 
-from python_rig import SOURCE, PythonRig
+from python_rig import BUILD, SOURCE, PythonRig
 
 SPEC = """
 import json, os, signal, sys, time
@@ -421,6 +422,16 @@ with takt.connect("robot.yaml", spec) as robot, open("saw", "w") as saw:
             self.assertIn(done.returncode, (1, 65), done.stderr)
             self.assertRegex(done.stderr, r"policy.py: not an ONNX model, .* runs by --policy-host")
             self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+
+    def test_a_checkout_that_is_built_needs_no_installation(self):
+        shutil.copytree(SOURCE / "client/python/takt", self.folder / "checkout/client/python/takt")
+        (self.folder / "checkout/build/release").mkdir(parents=True)
+        words = ("env", f"PYTHONPATH={self.folder}/checkout/client/python", "/usr/bin/python3", "-c", "from takt import _library; _library.load()")
+        missing = self.command(*words)
+        self.assertEqual(missing.returncode, 1, missing.stdout)
+        self.assertIn("or in a checkout run ./dev build", missing.stderr)
+        (self.folder / "checkout/build/release/lib").symlink_to(BUILD / "lib")
+        self.assertEqual(self.command(*words).returncode, 0)
 
 
 if __name__ == "__main__":

@@ -274,9 +274,10 @@ inline constexpr Refusal kRefusals[] = {
             "7:11: freshness.window: 1500 us is no whole number of control periods of 1 ms; choose a multiple"},
     Refusal{"a window of too many ticks", "window: 1 s", "window: 10 s",
             "7:11: freshness.window: 10 s / 1 ms = 10000 ticks; write 1 to 8192 ticks"},
-    Refusal{"a cross-fade longer than the chunk", "offset: home }",
-            "offset: home, join: { kind: cross_fade, over: 100 ms } }",
-            "57:79: policy.action.join.over: 100 ms exceeds the chunk's 80 ms; lower it"},
+    Refusal{
+        "a cross-fade longer than the chunk", "offset: home }",
+        "offset: home, join: { kind: cross_fade, over: 100 ms } }",
+        "57:79: policy.action.join.over: 100 ms exceeds the chunk's 80 ms; lower it, or write join: { kind: replace }"},
     Refusal{"a taper longer than the chunk", "offset: home }", "offset: home, join: { kind: ensemble, taper: 90 ms } }",
             "57:78: policy.action.join.taper: 90 ms exceeds the chunk's 80 ms; lower it"},
     Refusal{"a quintic through held steps", "offset: home }",
@@ -316,7 +317,7 @@ inline constexpr Refusal kRefusals[] = {
             "raise it"},
     Refusal{"chunks too short for the policy period", "steps: 8", "steps: 2",
             "49:16: policy.step_period: steps * step_period = 20 ms must exceed policy.period 20 ms: chunks would end "
-            "before the next arrives; raise one"},
+            "before the next arrives; raise one: step_period 30 ms lets two answers fail"},
     Refusal{"bus fault window too short", "feedback: { timeout: 20 ms }",
             "feedback: { timeout: 20 ms }\nbus_faults: { window: 9 ms }",
             "11:23: bus_faults.window: 9 ms must be at least ten control periods of 1 ms; raise it"},

@@ -83,13 +83,21 @@ QUICK_FUNCTIONS = {  # they return at once: other threads need not be let in mea
 }
 
 
+def place() -> str:
+    """Beside this package, as in a wheel; else what the checkout built that it is of; else where the system has it."""
+    folder = pathlib.Path(__file__).resolve().parent
+    places = [folder / SONAME]
+    if folder.parts[-3:] == ("client", "python", "takt"):
+        places.append(folder.parents[2] / "build/release/lib" / SONAME)
+    return next((str(file) for file in places if file.exists()), SONAME)
+
+
 def load() -> ctypes.CDLL:
-    """The library of this package: beside it, as in a wheel, or where the system has it. ImportError where it does not fit."""
-    beside = pathlib.Path(__file__).parent / SONAME
+    """The library of this package. ImportError where it does not fit."""
     try:
-        library = ctypes.CDLL(str(beside) if beside.exists() else SONAME)
+        library = ctypes.CDLL(place())
     except OSError as error:
-        raise ImportError(f"takt: {SONAME} cannot be loaded: {error}; install Takt's package for this system") from None
+        raise ImportError(f"takt: {SONAME} cannot be loaded: {error}; install Takt's package, or in a checkout run ./dev build") from None
     library.takt_client_abi.restype = c_uint32
     if library.takt_client_abi() != ABI:
         raise ImportError(f"takt: {SONAME} has ABI {library.takt_client_abi()}, this package wants {ABI}: install both from one version")
