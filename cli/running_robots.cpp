@@ -45,15 +45,24 @@ bool may_run_in(const std::string& directory) {
   return access(directory.c_str(), X_OK) == 0 && ipc::may_listen(socket);
 }
 
-std::string name_of_robot_in(const std::string& directory) {
+// What the executive wrote of itself; discarded where it is not there.
+nlohmann::json executive_json(const std::string& directory) {
   constexpr std::size_t kMostBytes = 64 * 1024;
   std::ifstream file(directory + "/executive.json", std::ios::binary);
   std::string text(kMostBytes, '\0');
   file.read(text.data(), static_cast<std::streamsize>(text.size()));
   text.resize(static_cast<std::size_t>(std::max<std::streamsize>(0, file.gcount())));
-  const auto json = nlohmann::json::parse(text, nullptr, false);
-  const bool says = json.is_object() && json.contains("robot") && json["robot"].is_string();
-  return config::printable(says ? json["robot"].get<std::string>() : fs::path(directory).filename().string());
+  return nlohmann::json::parse(text, nullptr, false);
+}
+
+// Printable; `otherwise` where it is not said.
+std::string text_in(const nlohmann::json& json, const char* key, const std::string& otherwise) {
+  const bool says = json.is_object() && json.contains(key) && json[key].is_string();
+  return config::printable(says ? json[key].get<std::string>() : otherwise);
+}
+
+std::string name_of_robot_in(const std::string& directory) {
+  return text_in(executive_json(directory), "robot", fs::path(directory).filename().string());
 }
 
 std::string described(const std::string& place) {
@@ -105,6 +114,15 @@ std::expected<RunningRobot, Refusal> the_running_robot(const RobotPlaces& places
   if (robots.empty()) return std::unexpected(none_runs(places, name));
   if (robots.size() > 1) return std::unexpected(several_run(robots));
   return robots.front();
+}
+
+WhatRuns what_runs_in(const std::string& directory) {
+  const nlohmann::json json = executive_json(directory);
+  return {.robot = text_in(json, "robot", ""),
+          .file = config::printable(remembered_robot_file(directory)),
+          .config_hash = text_in(json, "config_hash", ""),
+          .policy_hash = text_in(json, "policy_hash", ""),
+          .version = text_in(json, "version", "")};
 }
 
 std::expected<void, std::string> make_runtime_home(const std::string& home) {

@@ -32,6 +32,13 @@ std::vector<RunningRobot> running_robots(const RobotPlaces& places);
 // per robot when there are several.
 std::expected<RunningRobot, Refusal> the_running_robot(const RobotPlaces& places, const std::string& name);
 
+// What an executive said of itself at its start, and the robot file that was left for it, of a deployment its own.
+// Printable; empty: not known.
+struct WhatRuns {
+  std::string robot, file, config_hash, policy_hash, version;
+};
+WhatRuns what_runs_in(const std::string& directory);
+
 // Makes the user's own folder, which no other user may write to; the error says why it must not be used.
 std::expected<void, std::string> make_runtime_home(const std::string& home);
 

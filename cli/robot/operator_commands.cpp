@@ -79,15 +79,32 @@ int refuse_request(const Refusal& refusal, bool json, const std::string& sentenc
   return refusal.exit_code;
 }
 
-void print_reply(OperatorVerb verb, const OperatorReply& reply, const OperatorOptions& options) {
+nlohmann::json what_runs_json(const WhatRuns& runs) {
+  return {{"robot", runs.robot},
+          {"file", runs.file},
+          {"config_hash", runs.config_hash},
+          {"policy_hash", runs.policy_hash},
+          {"version", runs.version}};
+}
+
+std::string what_runs_text(const WhatRuns& runs) {
+  const std::string file = runs.file.empty() ? "" : ", " + runs.file;
+  return fmt::format("robot      {}{}; hashes: file {}, policy {}\n", runs.robot, file, runs.config_hash,
+                     runs.policy_hash);
+}
+
+void print_reply(OperatorVerb verb, const OperatorReply& reply, const OperatorOptions& options,
+                 const std::string& directory) {
   const auto sentences = sentences_of(reply);
   if (options.json) {
-    const nlohmann::json json{
+    nlohmann::json json{
         {"done", reply.done != 0}, {"sentences", sentences}, {"status", status_json(reply.status, reply.incident)}};
+    if (verb == OperatorVerb::status) json["runs"] = what_runs_json(what_runs_in(directory));
     fmt::print("{}\n", json_line(json));
     return;
   }
-  if (verb == OperatorVerb::status) fmt::print("{}", status_text(reply.status, reply.incident));
+  if (verb == OperatorVerb::status)
+    fmt::print("{}{}", status_text(reply.status, reply.incident), what_runs_text(what_runs_in(directory)));
   for (const std::string& sentence : sentences) fmt::print(reply.done != 0 ? stdout : stderr, "{}\n", sentence);
   if (verb != OperatorVerb::status && reply.done != 0 && sentences.empty())
     fmt::print("mode {}\n", name(reply.status.tick.mode));
@@ -176,7 +193,7 @@ int request(OperatorVerb verb, const OperatorOptions& options) {
   if (!reply)
     return refuse_request({kExitUnavailable, reply.error()}, options.json,
                           fmt::format("no executive answers in {}: {}", *directory, reply.error()));
-  print_reply(verb, *reply, options);
+  print_reply(verb, *reply, options, *directory);
   return verb == OperatorVerb::status || reply->done != 0 ? kExitOk : kExitFailed;
 }
 

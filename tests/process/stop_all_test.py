@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Goal: one command stops every robot of a machine, and is no second press of one that stops already. Method: two simulated robots run in a /run of
-their own; `takt stop` alone names the way; one is stopped, then all, twice, then all with --now: what each robot's own status says.
+their own; `takt stop` alone names the way; one is stopped, then all, twice, then all with --now: what each robot's own status says,
+which file it runs too.
 Usage: stop_all_test.py SOURCE_DIR BIN_DIR. Exit codes: 0 fine, 1 not, 77 no mount namespace may be made here (1 with TAKT_REQUIRE_NAMESPACES=1)."""
 import json
 import os
@@ -55,6 +56,8 @@ def inside(source, programs):
         try:
             for file in (left, right):
                 wait_for(programs, file, "tracking")
+            told = ask(programs, "status", "--robot", left).stdout
+            assert f"robot      left, {left.resolve()}; hashes: file " in told, told
             asked = ask(programs, "stop")
             assert asked.returncode == 64 and "takt stop --all" in asked.stderr, asked
             assert ask(programs, "stop", "--robot", left).returncode == 0
