@@ -95,6 +95,19 @@ std::string verdict_text(const SuccessTable& success) {
                      success.pairs(), of_b, success.pairs(), success.p_value, success.seeds);
 }
 
+// Which of the other numbers over all pairs have a star; empty: none.
+std::string clear_text(const std::vector<MetricDifference>& metrics) {
+  std::string text;
+  for (const MetricDifference& metric : metrics)
+    if (metric.is_clear && metric.metric != "success" && metric.b_better != 0.5) {
+      const bool is_b = metric.b_better > 0.5;
+      text += fmt::format("              {}: {} is better, {:.4g} against {:.4g}{}{}*\n", metric.metric,
+                          is_b ? 'B' : 'A', is_b ? metric.mean_b : metric.mean_a, is_b ? metric.mean_a : metric.mean_b,
+                          metric.unit == "1" || metric.unit.empty() ? "" : " ", metric.unit == "1" ? "" : metric.unit);
+    }
+  return text;
+}
+
 Json json_of(const Side& side) {
   return {{"artifact_id", side.artifact_id},
           {"folder", side.folder},
@@ -105,7 +118,8 @@ Json json_of(const Side& side) {
 }  // namespace
 
 std::string comparison_text(const Comparison& comparison) {
-  std::string text = verdict_text(comparison.pooled.success) + head_text(comparison);
+  std::string text =
+      verdict_text(comparison.pooled.success) + clear_text(comparison.pooled.metrics) + head_text(comparison);
   text += group_text(comparison.pooled) + "  success " + any_look_text(comparison.pooled.success);
   if (comparison.margin) text += '\n' + margin_text(comparison, *comparison.margin);
   for (const GroupComparison& group : comparison.groups) text += group_text(group);

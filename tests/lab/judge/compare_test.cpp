@@ -85,6 +85,8 @@ TEST_F(CompareTest, PairsRowByRow) {
   EXPECT_TRUE(result.notes.empty());
   const std::string text = comparison_text(result);
   EXPECT_NE(text.find("only A 0, only B 8, exact McNemar p = 0.00781"), std::string::npos) << text;
+  const std::size_t shown = text.find("\n              age_per_command.total.p95_ms: A is better, ");
+  EXPECT_LT(shown, text.find("\npanel ")) << "beside the verdict: " << text;
   EXPECT_EQ(to_json(result)["groups"][1]["success"]["only_b"], 8);
   EXPECT_EQ(comparison_html(result).find("<script"), std::string::npos);
   EXPECT_EQ(comparison_html(result).find("Fault classifier"), std::string::npos) << "no cause was planted";
