@@ -118,11 +118,13 @@ std::expected<RunningRobot, Refusal> the_running_robot(const RobotPlaces& places
 
 WhatRuns what_runs_in(const std::string& directory) {
   const nlohmann::json json = executive_json(directory);
+  const bool has_cpu = json.is_object() && json.contains("cpu") && json["cpu"].is_number_integer();
   return {.robot = text_in(json, "robot", ""),
           .file = config::printable(remembered_robot_file(directory)),
           .config_hash = text_in(json, "config_hash", ""),
           .policy_hash = text_in(json, "policy_hash", ""),
-          .version = text_in(json, "version", "")};
+          .version = text_in(json, "version", ""),
+          .cpu = has_cpu ? std::optional(json["cpu"].get<int>()) : std::nullopt};
 }
 
 std::expected<void, std::string> make_runtime_home(const std::string& home) {

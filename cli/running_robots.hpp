@@ -5,6 +5,7 @@
 #pragma once
 
 #include <expected>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -36,6 +37,7 @@ std::expected<RunningRobot, Refusal> the_running_robot(const RobotPlaces& places
 // Printable; empty: not known.
 struct WhatRuns {
   std::string robot, file, config_hash, policy_hash, version;
+  std::optional<int> cpu{};  // of the control thread
 };
 WhatRuns what_runs_in(const std::string& directory);
 

@@ -107,6 +107,15 @@ std::expected<void, Refusal> check_policy(const Given& given, const config::Robo
   return {};
 }
 
+// Two control threads of one priority on one core wait for each other.
+void tell_shared_core(const config::RobotConfig& robot) {
+  if (!robot.control.cpu) return;
+  for (const RunningRobot& other : running_robots(places_of_this_user()))
+    if (what_runs_in(other.runtime_directory).cpu == robot.control.cpu)
+      note("note", fmt::format("control.cpu {} is robot {}'s too: both come late; give each a core of its own",
+                               *robot.control.cpu, other.name));
+}
+
 int run(const Given& given) {
   const auto checked = check_robot_file(given.robot_file);
   if (!checked) return refuse(config::kExitBadConfiguration, first_problems(checked.error()));
@@ -167,6 +176,7 @@ int run(const Given& given) {
       return refuse(kExitUnavailable, home.error());
   remember_robot_file(options.place.runtime_directory, given.robot_file);
   tell_cautions(robot);
+  tell_shared_core(robot);
   return Supervisor(robot, std::move(options)).run();
 }
 

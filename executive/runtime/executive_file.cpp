@@ -57,27 +57,29 @@ nlohmann::ordered_json json_of(const ExecutiveFacts& facts) {
     buses.push_back({{"name", bus.name}, {"interface", bus.interface}, {"description", opened.description}});
     if (opened.link.exists && !opened.link.is_virtual) buses.back()["controller"] = controller_json(opened.link);
   }
-  return {{"schema", "takt.executive/1"},
-          {"pid", getpid()},
-          {"version", version()},
-          {"source_sha256", source_sha256()},
-          {"binary_sha256", binary_sha256()},
-          {"robot", facts.robot.robot},
-          {"config_sha256", facts.robot.sha256},
-          {"config_hash", fmt::format("{:016x}", facts.robot.hash)},
-          {"policy_sha256", facts.policy_sha256},
-          {"policy_hash", fmt::format("{:016x}", config::leading_64_bits(facts.policy_sha256))},
-          {"fallback_policy_hash", fmt::format("{:016x}", facts.fallback_hash)},
-          {"realtime", is_realtime(facts.steps)},
-          {"allow_non_realtime", facts.allow_non_realtime},
-          {"recorder", facts.robot.record.recorder == config::Recorder::required ? "required" : "optional"},
-          {"realtime_steps", std::move(steps)},
-          {"buses", std::move(buses)},
-          {"wake", facts.robot.control.wake == config::WakeMode::hybrid ? "hybrid" : "sleep"},
-          {"period_ns", facts.robot.control.period.ns},
-          {"started",
-           {{"monotonic_ns", nanoseconds_of<std::chrono::steady_clock>()},
-            {"realtime_ns", nanoseconds_of<std::chrono::system_clock>()}}}};
+  return {
+      {"schema", "takt.executive/1"},
+      {"pid", getpid()},
+      {"version", version()},
+      {"source_sha256", source_sha256()},
+      {"binary_sha256", binary_sha256()},
+      {"robot", facts.robot.robot},
+      {"config_sha256", facts.robot.sha256},
+      {"config_hash", fmt::format("{:016x}", facts.robot.hash)},
+      {"policy_sha256", facts.policy_sha256},
+      {"policy_hash", fmt::format("{:016x}", config::leading_64_bits(facts.policy_sha256))},
+      {"fallback_policy_hash", fmt::format("{:016x}", facts.fallback_hash)},
+      {"realtime", is_realtime(facts.steps)},
+      {"allow_non_realtime", facts.allow_non_realtime},
+      {"recorder", facts.robot.record.recorder == config::Recorder::required ? "required" : "optional"},
+      {"realtime_steps", std::move(steps)},
+      {"buses", std::move(buses)},
+      {"wake", facts.robot.control.wake == config::WakeMode::hybrid ? "hybrid" : "sleep"},
+      {"period_ns", facts.robot.control.period.ns},
+      {"cpu", facts.robot.control.cpu ? nlohmann::ordered_json(*facts.robot.control.cpu) : nlohmann::ordered_json()},
+      {"started",
+       {{"monotonic_ns", nanoseconds_of<std::chrono::steady_clock>()},
+        {"realtime_ns", nanoseconds_of<std::chrono::system_clock>()}}}};
 }
 
 }  // namespace

@@ -38,7 +38,7 @@ def wait_for(programs, robot, wanted):
 def two_robots(source, programs, folder):
     shutil.copytree(source / "config", folder / "config")
     files, runs = [], []
-    for name in ("left", "right"):
+    for name in ("left", "right"):  # one after the other: the second says that they share a core
         text = patient((folder / "config/arm6.yaml").read_text()).replace("robot: arm6", f"robot: {name}")
         for bus in ("can0", "can1"):
             text = text.replace(f"interface: {bus}", f"interface: {name}{bus}")
@@ -46,6 +46,7 @@ def two_robots(source, programs, folder):
         files[-1].write_text(text)
         runs.append(subprocess.Popen([programs / "takt", "run", files[-1], "--arm", "--run-dir", folder / f"run-{name}", "--allow-non-realtime",
                                       "--duration", "100s", "--to-the-end"], stdout=(folder / f"{name}.log").open("w"), stderr=subprocess.STDOUT))
+        wait_for(programs, files[-1], "tracking")
     return files, runs
 
 
@@ -54,8 +55,8 @@ def inside(source, programs):
         folder = pathlib.Path(made)
         (left, right), runs = two_robots(source, programs, folder)
         try:
-            for file in (left, right):
-                wait_for(programs, file, "tracking")
+            shared = "control.cpu 1 is robot left's too"
+            assert shared in (folder / "right.log").read_text() and shared not in (folder / "left.log").read_text()
             told = ask(programs, "status", "--robot", left).stdout
             assert f"robot      left, {left.resolve()}; hashes: file " in told, told
             asked = ask(programs, "stop")
