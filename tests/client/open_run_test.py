@@ -165,6 +165,19 @@ class OpenRun(unittest.TestCase):
         self.assertEqual(len(self.run_.losses), 0)
         self.assertEqual(list(self.run_.losses.columns), ["ring", "reason", "count", "after_tick", "before_tick"])
 
+    def test_events_stand_at_the_ticks_in_which_they_happened(self):
+        run = takt.open(self.copy_of_run("told"))
+        (run.folder / "events.jsonl").unlink(missing_ok=True)
+        self.assertEqual(list(run.events.columns), ["tick", "monotonic_ns", "utc", "event"])
+        now = run.tick_array["now"]
+        lines = [{"event": "run", "monotonic_ns": int(now[0]) - 5}, {"event": "ended", "monotonic_ns": int(now[40]), "process": "takt-policy-host"},
+                 {"event": "ended", "monotonic_ns": int(now[41]) - 1}, {"event": "late", "monotonic_ns": 1 << 70}, 7, {"event": "no time"}]
+        (run.folder / "events.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+        events = takt.open(run.folder).events
+        ticks = [int(tick) for tick in run.tick_array["tick"][[40, 40, -1]]]
+        self.assertEqual(list(events["tick"]), [-1, *ticks])
+        self.assertEqual(list(events["process"][1:2]), ["takt-policy-host"])
+
     def test_an_artifacts_rows_are_those_of_its_parquet_twin(self):
         artifact = takt.open(self.folder / "panel")
         lines = [json.loads(line) for line in (self.folder / "panel/rollouts.jsonl").read_text().splitlines()]

@@ -203,6 +203,19 @@ class Run:
         return _pandas().DataFrame(_lines(self.folder / "transitions.jsonl"))
 
     @functools.cached_property
+    def events(self) -> "pandas.DataFrame":
+        """What `takt run` did and saw: processes that started and ended, scripted actions, requests, marks. `tick`: the one in which it happened (-1: before the
+        first); `monotonic_ns`, `utc`, `event`, and what that event says, NaN in rows of other events. Empty: `takt run` wrote none.
+        """
+        path, columns = self.folder / "events.jsonl", ["tick", "monotonic_ns", "utc", "event"]
+        lines = [line for line in (_lines(path) if path.exists() else []) if isinstance(line, dict) and type(line.get("monotonic_ns")) is int]
+        frame = _pandas().DataFrame(lines, columns=None if lines else columns)
+        ticks = self.tick_array
+        before = [int(np.searchsorted(ticks["now"], line["monotonic_ns"], side="right")) - 1 for line in lines]
+        frame["tick"] = [int(ticks["tick"][at]) if at >= 0 else -1 for at in before]
+        return frame.reindex(columns=columns + [name for name in frame.columns if name not in columns])
+
+    @functools.cached_property
     def losses(self) -> "pandas.DataFrame":
         """What was not recorded: ring, reason, count, after_tick, before_tick. Empty: nothing."""
         fields = self._recording.fields.get("/takt/loss", [])
