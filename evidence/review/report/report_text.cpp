@@ -105,9 +105,19 @@ std::string transitions(const RunMetrics& metrics, std::size_t most) {
   return text;
 }
 
+// Of a run in which nothing could stop; empty: it was armed.
+std::string never_armed(const RunMetrics& metrics) {
+  if (metrics.ticks == 0 || metrics.ticks_in_mode[static_cast<std::size_t>(Mode::standby)] != metrics.ticks) return "";
+  const auto is_refusal = [](const NotedRequest& request) { return request.action == "arm" && !request.done; };
+  const auto last = std::find_if(metrics.requests.rbegin(), metrics.requests.rend(), is_refusal);
+  return last == metrics.requests.rend() ? ": it was never armed"
+                                         : fmt::format(": it was never armed, refused by: {}", last->answer);
+}
+
 // What stopped the robot comes first of all: nothing else on the page matters as much.
 std::string incidents(const RunMetrics& metrics, std::size_t most) {
-  if (metrics.incident_count == 0 && metrics.record_gap.empty()) return "stops         none\n";
+  if (metrics.incident_count == 0 && metrics.record_gap.empty())
+    return fmt::format("stops         none{}\n", never_armed(metrics));
   std::string text;
   std::size_t shown = 0;
   for (const Incident& incident : by_gravity(metrics.incidents)) {

@@ -141,6 +141,22 @@ TEST_F(RunMetricsTest, AMarkHasTheTextThatItsOperatorGave) {
   EXPECT_NE(report_text(*metrics, run_).find("+0.699 s  it slips: left\n"), std::string::npos);
 }
 
+// Goal: a run in which the robot was never armed says so, and why, before anything else. Method: metrics of a standby
+// alone, with and without a refused request, and of a run that tracked.
+TEST_F(RunMetricsTest, ARunThatWasNeverArmedSaysWhy) {
+  RunMetrics metrics;
+  metrics.ticks = metrics.ticks_in_mode[static_cast<std::size_t>(Mode::standby)] = 10;
+  EXPECT_NE(report_text(metrics, run_).find("stops         none: it was never armed\n"), std::string::npos);
+  NotedRequest refused;
+  refused.action = "arm";
+  refused.answer = "no camera";
+  metrics.requests = {refused, refused};
+  EXPECT_NE(report_text(metrics, run_).find("stops         none: it was never armed, refused by: no camera\n"),
+            std::string::npos);
+  metrics.ticks = 11;
+  EXPECT_NE(report_text(metrics, run_).find("stops         none\n"), std::string::npos);
+}
+
 // Goal: a request that was refused again and again takes one line of the report. Method: three refusals by one process,
 // one by another, and an arming that was granted.
 TEST_F(RunMetricsTest, ARequestThatIsRepeatedIsOneLine) {
