@@ -399,8 +399,8 @@ void describe_degraded(Fields& fields, DegradedConfig& degraded, const std::vect
        "0 ms"},
       degraded.after, {}, seconds(10));
   fields.one_of({"fallback", "fallback: an entry of fallbacks", "none"}, degraded.fallback, names, "fallback", "none");
-  fields.duration({"for", "damped stop after this long in degraded; 0 s: never", "0 s"}, degraded.longest, {},
-                  seconds(3600));
+  fields.duration({"for", "damped stop after this long in degraded, anew at each entry; 0 s: never", "0 s"},
+                  degraded.longest, {}, seconds(3600));
   fields.flag({"by_temperature", "true: limits.temperature.warning degrades, until 5 degrees cooler", "false"},
               degraded.by_temperature);
 }

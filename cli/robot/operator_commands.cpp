@@ -230,7 +230,8 @@ void add_stop(CLI::App& app, int& exit_code) {
       "Stop softly: damping until the robot rests, then hold. A second time: no power, in every mode.",
       "Examples: takt stop; takt stop --all\n"
       "The second stop may come 0.2 s after the first, until the stop is reset. What hangs falls.\n"
-      "After one stop `takt arm` is refused until `takt reset`; after the second, or --now, it is not.\n"
+      "After one stop of an armed robot `takt arm` is refused until `takt reset` or the executive's end; after the\n"
+      "second, or --now, it is not.\n"
       "Exit codes: 0 stopping, 64 several run, 65 configuration, 69 none runs, or handed over without an answer.");
 }
 

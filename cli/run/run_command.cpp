@@ -30,7 +30,7 @@ constexpr const char* kFooter =
     "Example: takt run config/arm6.yaml --arm --duration 20s --at '8s: freeze policy 300ms' --at '15s: kill policy'\n"
     "Actions of --at: freeze PROCESS DURATION, kill PROCESS, start PROCESS, arm, stop, reset, hog control|policy "
     "DURATION,\nthrottle control DURATION, crowd policy N DURATION, load N DURATION COMMAND; PROCESS: policy, monitor, "
-    "fallback, plant, executive.\n"
+    "fallback, plant, executive (the run ends with it).\n"
     "The run ends after --duration, on SIGINT or SIGTERM, or once the robot rests after a scripted stop or kill of the "
     "policy.\n"
     "Exit codes: 0 ended as asked, 1 arming refused, a process failed, or what was scripted never happened, 2 ended "

@@ -139,7 +139,7 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      {Hazard::unfelt, Hazard::falls},
      {Unsafe::T7, Unsafe::D2, Unsafe::D3, Unsafe::G3},
      "a cable, connector or drive fails; the computer was suspended",
-     "newest reply older than feedback.timeout, by its receive stamp",
+     "newest reply older than feedback.timeout, the loop's own stall (0.5 s at most; not csp, csv) aside",
      {"pipeline_test Faults.EachLeadsToItsMode", "simulated_drives_test LostDrive.IsNeverDrivenByItsLastReading"},
      "the joint coasts or falls without a brake; a drive that hears nothing goes on until its time-out",
      {Device::brakes, Device::drive_timeout, Device::emergency_stop, Device::gantry},

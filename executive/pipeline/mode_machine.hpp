@@ -123,7 +123,7 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
       "position and speed inside the hard envelope; then takt reset"},
     {Cause::overrun,              58,  {S, P, P, P, P, F}, kRest, "control.late_share of the window, one tick",
       "late and skipped periods in the window fall to the limit; then takt reset"},
-    {Cause::recording_lost,       57,  {S, P, P, P, P, F}, kRest, "half of the record ring (4096 ticks), one tick",
+    {Cause::recording_lost,       57,  {S, P, P, P, P, F}, kRest, "the recorder's end, or 4096 ticks without its word, one tick",
       "the recorder writes again; then takt reset"},
     {Cause::internal_error,      100,  {S, F, F, F, F, F}, kSag, "the same tick",
       "takt reset; report it"},

@@ -44,7 +44,8 @@ std::vector<std::string> missing_for_arming(const TickRecord& latest, const pipe
     sentences.emplace_back("real-time set-up is incomplete: correct it, or start with --allow-non-realtime");
   }
   if (!situation.policy_attached && !situation.policy_in_file)
-    sentences.emplace_back("the robot file has no `policy`: docs/first-policy.md says how to write one");
+    sentences.emplace_back(
+        "the robot file has no `policy`: docs/first-policy.md says how; for a program docs/configuration.md");
   else if (!situation.policy_attached)
     sentences.emplace_back(latest.header.candidate.in_charge != 0
                                ? "the candidate in charge does not run: start it again, or takt policy back"

@@ -46,6 +46,7 @@ Made by `build/release/bin/mode_page >docs/modes.md`: all tables but those of ru
 ```
 
 Only an operator leads from `damped_stop` or `fault_latched` to standby: by a reset, or by taking the power.
+An executive that starts is in standby, and [knows of no stop](troubleshooting.md#keep-it-stopped).
 )");
 }
 
@@ -63,6 +64,7 @@ Gravity is the model's torque; a robot without a `model` has none.
 Gains: "joint's" are `gains.kp` and `gains.kd`; "damping" is `gains.damping` with kp 0; "command's" are those of the
 command that is played.
 "Brakes": along `limits.acceleration`, then it stays.
+Drives in csp and csv damp [by their own loop](design.md#how-a-stop-stops).
 
 | mode | when, or which joint | reference | gains | torque |
 |---|---|---|---|---|
@@ -180,6 +182,7 @@ What each cause is, and what it leaves to other devices: [hazards.md](hazards.md
   Out of damped_stop and fault_latched leads `takt reset` alone, out of degraded `contract_restored`.
 - A reset asks for rest, and for the end of these causes alone:
   {}.
+- In standby and in a stop `overtemperature` holds from 5 degrees below its limit on.
 - `temperature_high` is only told, unless `degraded.by_temperature` is true; `following_error`, unless
   `feedback.following` is `degrade`.
 
@@ -239,10 +242,8 @@ void print_commands() {
   fmt::print(R"(
 ### Exit codes
 
-0: done; 1: refused (`takt arm`, `takt reset`), with what is missing or still holds.
-69: no executive answers; a stop may have been handed over all the same, and the line says so.
-`takt stop` also ends with 0 when no tick read it within 0.1 s; it prints `the control thread did not answer in time`.
-A script that has to know reads the mode from `takt status --json`.
+0: done; 1: refused (`takt arm`, `takt reset`); 69: no executive answers, or not this user.
+A stop that no tick read within 0.1 s ends with 0 too; it prints `the control thread did not answer in time`.
 All codes: [exit-codes.md](exit-codes.md).
 )");
 }

@@ -47,7 +47,8 @@ inline constexpr std::array kSilenceRules{
     Rule{"Back in tracking, and after arming, speed limits rise from `degraded.speed_scale` to full within "
          "`degraded.resume_over`.",
          "pipeline_test ResumeRamp.SpeedLimitsRiseFromTheScaleToAllOfThemOverItsTime"},
-    Rule{"`command_lost` stops the robot `freshness.stop_after` after the last tick with a usable command.",
+    Rule{"`command_lost` stops the robot `freshness.stop_after` after the last tick with a usable command, in degraded "
+         "too.",
          "pipeline_test Recovery.ACommandIsLostExactlyAfterStopAfter"},
     Rule{"While degraded, a usable command of the fallback policy counts too.",
          "pipeline_test FallbackPolicy.BothLostIsCommandLost"},
@@ -75,12 +76,14 @@ inline constexpr std::array kGivenRules{
 };
 
 inline constexpr std::array kStopRules{
-    Rule{"A press is `takt stop`. `takt top`, Ctrl-C of `takt run`, DDS and a policy stop as a program does.",
-         "reception_test ReceptionTest.APressIsAskedForOnceAlthoughItIsAnsweredElsewhere"},
-    Rule{"A second press takes the power of every drive: 0.2 s or more after the first, until standby.",
+    Rule{
+        "A press is `takt stop`. `takt top`, DDS and a policy stop as a program does; Ctrl-C of `takt run` is SIGTERM.",
+        "reception_test ReceptionTest.APressIsAskedForOnceAlthoughItIsAnsweredElsewhere"},
+    Rule{"A second press, another operator's too, takes the power of every drive: 0.2 s or more after the first, until "
+         "standby.",
          "pipeline_test OperatorStop.TheSecondPressTakesThePowerAway"},
-    Rule{"To keep it stopped, press once: arming is refused until a reset. After a second press, or `--now`, one "
-         "arming moves it.",
+    Rule{"One press outside of standby: arming is refused until a reset, or the executive's end. After a second press, "
+         "or `--now`, one arming moves it.",
          "pipeline_test OperatorStop.AfterOnePressArmingIsRefusedAndAfterTwoItIsNot"},
     Rule{"A stop by a cause or a program is no first press.",
          "pipeline_test OperatorStop.AStopThatNobodyAskedForIsNotAFirstPress"},
@@ -93,7 +96,8 @@ inline constexpr std::array kStopRules{
          "runtime_test OperatorInbox.AStopDiscardsWhatWouldGetTheRobotGoing"},
     Rule{"A stop while arming leaves drives off that are not yet enabled.",
          "pipeline_test OperatorStop.WhileArmingLeavesOffWhatIsStillOff"},
-    Rule{"SIGTERM stops the robot, and ends the executive at rest, within 10 s.", "runtime_test Shutdown.Table"},
+    Rule{"SIGTERM stops the robot; at rest, within 10 s, it takes the power and ends the executive.",
+         "runtime_test Shutdown.Table"},
     Rule{"A second SIGTERM ends it at once.", "runtime_test Shutdown.ASecondSignalEndsItAtOnce"},
     Rule{"A stop that no tick reads within 0.1 s is taken; `takt stop` says so.",
          "reception_test ReceptionTest.AStopThatNoTickReadsIsTakenAndSaysSo"},

@@ -43,6 +43,16 @@ TickConfig without_model() {
   return config;
 }
 
+// One that can fall over: without a tree of links every joint hangs on every other.
+TickConfig without_model_but_imu() {
+  TickConfig config = two_arms();
+  config.gravity_compensation = false;
+  config.imu.present = true;
+  config.imu.timeout = seconds(60);
+  config.imu.tilt = config.imu.angular_velocity = 3;
+  return config;
+}
+
 TickConfig degraded_by(DegradedBehaviour behaviour, FallbackKind fallback = FallbackKind::pose) {
   TickConfig config = two_arms();
   config.degraded = behaviour;
@@ -313,6 +323,18 @@ std::vector<Setup> setups() {
          robot.go(3000);
        }},
       {"fault_latched", "every other joint, neither `model` nor `imu`", fault_latched, 0, without_model, lose_a_drive},
+      {"fault_latched", "every other joint, `imu` and no `model`, also at rest", fault_latched, 0,
+       without_model_but_imu,
+       [](Robot& robot) {
+         robot.input.imu.sequence = 1;
+         robot.input.imu.sensed_at = robot.now;
+         robot.input.imu.rotation[0] = 1;
+         robot.input.imu.acceleration[2] = 9.81F;
+         lose_a_drive(robot);
+         robot.go(3000);
+         robot.drives[0].dq = 0.3F;
+         robot.go(2);
+       }},
       {"fault_latched", "after `internal_error`, every joint", fault_latched, 0, two_arms,
        [](Robot& robot) {
          robot.track();
@@ -332,7 +354,7 @@ std::vector<Setup> setups() {
          robot.go(1);
          robot.input.slept_ms = 0;
        }},
-      {"any but standby", "a setpoint that would leave late", tracking, 0, two_arms,
+      {"any but standby", "a setpoint that would leave late (in csp: the last one)", tracking, 0, two_arms,
        [](Robot& robot) {
          robot.track();
          robot.late = 1;

@@ -81,7 +81,7 @@ class Run:
     @functools.cached_property
     def about(self) -> Mapping[str, str]:
         """What each column of `ticks` is, and its unit: {"q_estimate": "output; rad, of a slide m", ...}. "input": the tick read it; "output": it decided or computed it."""
-        own = {"s": "since the first tick; s", "age_ms": "of the command that the tick relied on, all parts of it together, 0 before the first; ms"}
+        own = {"s": "since the first tick; s", "age_ms": "of the command that the tick relied on, all parts of it together, 0 while freshness is missing; ms"}
         return own | {field.name: field.about for field in self._recording.fields["/takt/tick"]}
 
     @functools.cached_property
