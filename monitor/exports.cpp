@@ -78,6 +78,7 @@ RecordSink Exports::also_to(const RecordSink& recorded) {
   all.loss = [this, &recorded](const Loss& loss) {
     recorded.loss(loss);
     metrics_.loss(loss);
+    if (otlp_) otlp_->loss(loss);
   };
   return all;
 }
@@ -86,8 +87,14 @@ void Exports::tell_catches() {
   for (; monitors_ && told_catches_ < monitors_->catches().size(); ++told_catches_) {
     const PolicyCatch& caught = monitors_->catches()[told_catches_];
     metrics_.caught(caught.score);
+    if (otlp_) otlp_->caught(caught.score);
     spdlog::warn("policy: tick {}: {}", caught.tick, caught.sentence);
   }
+}
+
+void Exports::recording_stopped(std::uint64_t unrecorded_ticks) {
+  metrics_.recording_stopped(unrecorded_ticks);
+  if (otlp_) otlp_->recording_stopped(unrecorded_ticks);
 }
 
 void Exports::drained(MonoTime now) {

@@ -32,7 +32,7 @@ class Exports {
   // A sink that hands everything to `recorded` and here; both outlive it.
   RecordSink also_to(const RecordSink& recorded);
   // `unrecorded_ticks`: of this session, so far.
-  void recording_stopped(std::uint64_t unrecorded_ticks) { metrics_.recording_stopped(unrecorded_ticks); }
+  void recording_stopped(std::uint64_t unrecorded_ticks);
   void room_left(double hours) { metrics_.hours_left = hours; }
   // After each drain of the rings.
   void drained(MonoTime now);

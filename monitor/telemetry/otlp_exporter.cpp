@@ -71,7 +71,7 @@ void OtlpExporter::export_traces() {
 }
 
 void OtlpExporter::export_metrics(MonoTime now) {
-  write(metric_file_, OtlpSignal::metrics, otlp_metrics(source_, metrics_, since_, now));
+  write(metric_file_, OtlpSignal::metrics, otlp_metrics(source_, metric_families(metrics_, *robot_), since_, now));
 }
 
 void OtlpExporter::write(std::optional<BoundedFile>& file, OtlpSignal signal, std::string line) {

@@ -21,26 +21,30 @@ namespace takt::monitor {
 
 class OtlpExporter {
  public:
-  // Precondition: robot.otlp. `folder`: of the run. `sender`: none, nothing is sent; outlives the exporter. Ticks
-  // before `now` are history, such as the rings hold it when the monitor attaches: nothing is told of them. The error
-  // is one sentence: a file.
+  // Precondition: robot.otlp; `robot` outlives it. `folder`: of the run. `sender`: none, nothing is sent; outlives the
+  // exporter. Ticks before `now` are history, such as the rings hold it when the monitor attaches: nothing is told of
+  // them. The error is one sentence: a file.
   static std::expected<OtlpExporter, std::string> start(const config::RobotConfig& robot, OtlpSource source,
                                                         const std::string& folder, std::uint64_t max_file_bytes,
                                                         OtlpSender* sender, MonoTime now);
 
   void frame(const FrameRecord& frame) { traces_->frame(frame); }
   void tick(const TickRecord& record);
+  void loss(const Loss& loss) { metrics_.loss(loss); }
+  void caught(ChunkScore score) { metrics_.caught(score); }
+  void recording_stopped(std::uint64_t unrecorded_ticks) { metrics_.recording_stopped(unrecorded_ticks); }
   // What has piled up goes out when it is due.
   void export_if_due(MonoTime now);
   // Everything that is left goes out.
   void finish(MonoTime now);
 
  private:
-  explicit OtlpExporter(const config::RobotConfig& robot) : metrics_(robot), incidents_(robot) {}
+  explicit OtlpExporter(const config::RobotConfig& robot) : robot_(&robot), metrics_(robot), incidents_(robot) {}
   void write(std::optional<BoundedFile>& file, OtlpSignal signal, std::string line);
   void export_traces();
   void export_metrics(MonoTime now);
 
+  const config::RobotConfig* robot_;
   OtlpSource source_;
   LiveMetrics metrics_;  // of this session
   Duration metrics_period_;

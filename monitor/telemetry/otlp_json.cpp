@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <cmath>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <string_view>
@@ -144,54 +145,54 @@ class MetricWriter {
   MetricWriter(std::int64_t since_unix_ns, std::int64_t now_unix_ns)
       : since_(fmt::format("{}", since_unix_ns)), now_(fmt::format("{}", now_unix_ns)) {}
 
-  void histogram(std::string_view name, std::string_view description, std::span<const Histogram> histograms,
-                 std::span<const std::string_view> stages = {}) {
+  // A family without points is left out, and so is a count of 0 beside others: a sum says since when it counts.
+  void write(const MetricFamily& family) {
     Json points = Json::array();
-    for (std::size_t i = 0; i < histograms.size(); ++i) {
-      Json point = histogram_point(histograms[i]);
-      if (!stages.empty()) point["attributes"] = Json::array({attribute("stage", stages[i])});
-      points.push_back(std::move(point));
-    }
-    add(name, description, "s",
-        {{"histogram", {{"dataPoints", std::move(points)}, {"aggregationTemporality", kCumulative}}}});
-  }
-  // One point per (attribute value, count); a point without attribute when the key is empty.
-  void sum(std::string_view name, std::string_view description, std::string_view key,
-           const std::vector<std::pair<std::string_view, std::uint64_t>>& counts) {
-    Json points = Json::array();
-    for (const auto& [value, times] : counts) {
-      Json point{{"startTimeUnixNano", since_}, {"timeUnixNano", now_}, {"asInt", integer(times)}};
-      if (!key.empty()) point["attributes"] = Json::array({attribute(key, value)});
-      points.push_back(std::move(point));
-    }
-    add(name, description, "1",
-        {{"sum", {{"dataPoints", std::move(points)}, {"aggregationTemporality", kCumulative}, {"isMonotonic", true}}}});
-  }
-  void mode(const LiveMetrics& metrics) {
-    Json points = Json::array();
-    for (std::size_t i = 0; i < kModeCount; ++i) {
-      const auto mode = static_cast<Mode>(i);
-      points.push_back({{"timeUnixNano", now_},
-                        {"asInt", integer(metrics.is_in(mode) ? 1 : 0)},
-                        {"attributes", Json::array({attribute("mode", name(mode))})}});
-    }
-    add("takt.mode", "1 for the mode the executive is in.", "1", {{"gauge", {{"dataPoints", std::move(points)}}}});
+    for (const MetricSample& sample : family.samples)
+      if (Json point = std::visit([&](const auto& value) { return point_of(family, sample, value); }, sample.value);
+          !point.is_null())
+        points.push_back(std::move(point));
+    if (points.empty()) return;
+    Json data{{"dataPoints", std::move(points)}};
+    if (family.kind != MetricKind::gauge) data["aggregationTemporality"] = kCumulative;
+    if (family.kind == MetricKind::counter) data["isMonotonic"] = true;
+    metrics_.push_back({{"name", family.name}, {"description", family.help}, {"unit", family.unit}});
+    metrics_.back()[kDataKeys[static_cast<std::size_t>(family.kind)]] = std::move(data);
   }
   Json take() { return std::move(metrics_); }
 
  private:
-  [[nodiscard]] Json histogram_point(const Histogram& histogram) const {
-    Json bounds = Json::array(), counts = Json::array();
-    for (const Duration bound : histogram.bounds) bounds.push_back(static_cast<double>(bound.ns) / 1e9);
-    for (const std::uint64_t times : histogram.counts) counts.push_back(integer(times));
-    return {{"startTimeUnixNano", since_},       {"timeUnixNano", now_},
-            {"count", integer(histogram.count)}, {"sum", static_cast<double>(histogram.sum.ns) / 1e9},
-            {"bucketCounts", std::move(counts)}, {"explicitBounds", std::move(bounds)}};
+  static constexpr std::array<const char*, 3> kDataKeys{"gauge", "sum", "histogram"};
+
+  Json point(const MetricFamily& family, const MetricSample& sample) const {
+    Json point{{"timeUnixNano", now_}};
+    if (family.kind != MetricKind::gauge) point["startTimeUnixNano"] = since_;
+    for (const auto& [key, value] : sample.labels)
+      point["attributes"].push_back(attribute(key, std::string_view(value)));
+    return point;
   }
-  void add(std::string_view name, std::string_view description, std::string_view unit, const Json& data) {
-    Json metric{{"name", name}, {"description", description}, {"unit", unit}};
-    metric.update(data);
-    metrics_.push_back(std::move(metric));
+  Json point_of(const MetricFamily& family, const MetricSample& sample, std::uint64_t value) const {
+    if (value == 0 && family.kind == MetricKind::counter && !sample.labels.empty()) return nullptr;
+    Json json = point(family, sample);
+    json["asInt"] = integer(value);
+    return json;
+  }
+  Json point_of(const MetricFamily& family, const MetricSample& sample, double value) const {
+    if (!std::isfinite(value)) return nullptr;  // JSON has no such number
+    Json json = point(family, sample);
+    json["asDouble"] = value;
+    return json;
+  }
+  Json point_of(const MetricFamily& family, const MetricSample& sample, const Histogram* histogram) const {
+    Json bounds = Json::array(), counts = Json::array();
+    for (const Duration bound : histogram->bounds) bounds.push_back(static_cast<double>(bound.ns) / 1e9);
+    for (const std::uint64_t times : histogram->counts) counts.push_back(integer(times));
+    Json json = point(family, sample);
+    json.update({{"count", integer(histogram->count)},
+                 {"sum", static_cast<double>(histogram->sum.ns) / 1e9},
+                 {"bucketCounts", std::move(counts)},
+                 {"explicitBounds", std::move(bounds)}});
+    return json;
   }
   std::string since_, now_;
   Json metrics_ = Json::array();
@@ -223,26 +224,14 @@ std::string otlp_logs(const OtlpSource& source, std::span<const Incident> incide
       .dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
-std::string otlp_metrics(const OtlpSource& source, const LiveMetrics& metrics, MonoTime since, MonoTime now) {
+std::string otlp_metrics(const OtlpSource& source, std::span<const MetricFamily> families, MonoTime since,
+                         MonoTime now) {
   MetricWriter writer(since.ns + source.monotonic_to_unix_ns, now.ns + source.monotonic_to_unix_ns);
-  writer.histogram("takt.command.age", "Age of the command in use, at each tick that relied on the policy.",
-                   std::span(&metrics.age, 1));
-  writer.histogram("takt.command.stage", "Parts of a command's age at its first use.", metrics.stages, kAgeStageNames);
-  writer.histogram("takt.wakeup.lateness", "How late the control thread woke.", std::span(&metrics.lateness, 1));
-  writer.histogram("takt.tick.duration", "How long a tick worked.", std::span(&metrics.work, 1));
-  writer.sum("takt.ticks", "Ticks of the control loop.", "", {{"", metrics.ticks}});
-  writer.sum("takt.relied_ticks", "Ticks that relied on the policy.", "", {{"", metrics.relied_ticks}});
-  writer.sum("takt.deadline_misses", "Relied ticks whose command was stale or missing.", "",
-             {{"", metrics.deadline_misses}});
-  std::vector<std::pair<std::string_view, std::uint64_t>> overruns;
-  for (std::size_t i = 1; i < kOverrunCauseCount; ++i)
-    overruns.emplace_back(name(static_cast<OverrunCause>(i)), metrics.overruns[i]);
-  writer.sum("takt.overruns", "Periods that ended late.", "cause", overruns);
-  writer.mode(metrics);
+  for (const MetricFamily& family : families) writer.write(family);
   return Json{{"resourceMetrics",
                {{{"resource", resource(source, "takt-executive")},
                  {"scopeMetrics", {{{"scope", scope(source)}, {"metrics", writer.take()}}}}}}}}
-      .dump();
+      .dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 }  // namespace takt::monitor

@@ -14,7 +14,7 @@
 #include <string>
 
 #include "monitor/telemetry/command_traces.hpp"
-#include "monitor/telemetry/live_metrics.hpp"
+#include "monitor/telemetry/metric_families.hpp"
 
 namespace takt::monitor {
 
@@ -30,7 +30,8 @@ struct OtlpSource {
 // No line end in any.
 std::string otlp_traces(const OtlpSource& source, std::span<const CommandTrace> traces);
 std::string otlp_logs(const OtlpSource& source, std::span<const Incident> incidents);
-// `metrics` count from `since` on.
-std::string otlp_metrics(const OtlpSource& source, const LiveMetrics& metrics, MonoTime since, MonoTime now);
+// `families` count from `since` on.
+std::string otlp_metrics(const OtlpSource& source, std::span<const MetricFamily> families, MonoTime since,
+                         MonoTime now);
 
 }  // namespace takt::monitor

@@ -3,21 +3,18 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
 #include <cmath>
-#include <initializer_list>
 #include <string_view>
 #include <utility>
+#include <variant>
 
-#include "config/joint_units.hpp"
-#include "drivers/protocol/protocol_table.hpp"
-#include "executive/contract/feedback_names.hpp"
+#include "monitor/telemetry/metric_families.hpp"
 
 namespace takt::monitor {
 namespace {
 
-using Label = std::pair<std::string_view, std::string_view>;
+constexpr std::array<std::string_view, 3> kKinds{"gauge", "counter", "histogram"};
 
 std::string escaped(std::string_view value) {
   std::string text;
@@ -40,211 +37,45 @@ class Exposition {
  public:
   explicit Exposition(std::string_view robot) : robot_(escaped(robot)) {}
 
-  void family(std::string_view name, std::string_view type, std::string_view help) {
-    name_ = name;
-    text_ += fmt::format("# HELP {} {}\n# TYPE {} {}\n", name, help, name, type);
-  }
-  template <class Number>
-  void sample(Number value, std::initializer_list<Label> labels = {}) {
-    const bool is_infinite = std::isinf(static_cast<double>(value));
-    line("", labels, is_infinite ? "+Inf" : fmt::format("{}", value));
-  }
-  void histogram(const Histogram& histogram, std::initializer_list<Label> labels = {}) {
-    std::uint64_t below = 0;
-    for (std::size_t i = 0; i < histogram.counts.size(); ++i) {
-      below += histogram.counts[i];
-      const std::string bound = i < histogram.bounds.size() ? seconds_text(histogram.bounds[i]) : "+Inf";
-      line("_bucket", labels, fmt::format("{}", below), fmt::format(",le=\"{}\"", bound));
-    }
-    line("_sum", labels, seconds_text(histogram.sum));
-    line("_count", labels, fmt::format("{}", histogram.count));
+  void write(const MetricFamily& family) {
+    name_ = family.prometheus;
+    text_ += fmt::format("# HELP {} {}\n# TYPE {} {}\n", name_, family.help, name_,
+                         kKinds[static_cast<std::size_t>(family.kind)]);
+    for (const MetricSample& sample : family.samples)
+      std::visit([&](const auto& value) { write(sample, value); }, sample.value);
   }
   std::string take() { return std::move(text_); }
 
  private:
-  void line(std::string_view suffix, std::initializer_list<Label> labels, std::string_view value,
-            std::string_view bucket = "") {
+  template <class Number>
+  void write(const MetricSample& sample, Number value) {
+    const bool is_infinite = std::isinf(static_cast<double>(value));
+    line("", sample, is_infinite ? "+Inf" : fmt::format("{}", value));
+  }
+  void write(const MetricSample& sample, const Histogram* histogram) {
+    std::uint64_t below = 0;
+    for (std::size_t i = 0; i < histogram->counts.size(); ++i) {
+      below += histogram->counts[i];
+      const std::string bound = i < histogram->bounds.size() ? seconds_text(histogram->bounds[i]) : "+Inf";
+      line("_bucket", sample, fmt::format("{}", below), fmt::format(",le=\"{}\"", bound));
+    }
+    line("_sum", sample, seconds_text(histogram->sum));
+    line("_count", sample, fmt::format("{}", histogram->count));
+  }
+  void line(std::string_view suffix, const MetricSample& sample, std::string_view value, std::string_view bucket = "") {
     text_ += fmt::format("{}{}{{robot=\"{}\"", name_, suffix, robot_);
-    for (const auto& [key, text] : labels) text_ += fmt::format(",{}=\"{}\"", key, escaped(text));
+    for (const auto& [key, text] : sample.labels) text_ += fmt::format(",{}=\"{}\"", key, escaped(text));
     text_ += fmt::format("{}}} {}\n", bucket, value);
   }
   std::string robot_, text_;
   std::string_view name_;
 };
 
-void contract(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
-  out.family("takt_freshness_max_age_seconds", "gauge", "Oldest command that may move the robot.");
-  out.sample(robot.freshness.max_age.seconds());
-  out.family("takt_freshness_epsilon_ratio", "gauge", "Share of ticks that the contract lets miss.");
-  out.sample(robot.freshness.epsilon);
-  out.family("takt_relied_ticks_total", "counter", "Ticks that relied on the policy.");
-  out.sample(metrics.relied_ticks);
-  out.family("takt_deadline_misses_total", "counter", "Relied ticks whose command was stale or missing.");
-  out.sample(metrics.deadline_misses);
-  out.family("takt_window_misses_ratio", "gauge", "Share of misses in the contract's sliding window, now.");
-  const TickRecordHeader& now = metrics.newest;
-  out.sample(now.window_ticks == 0 ? 0.0 : static_cast<double>(now.window_misses) / now.window_ticks);
-  out.family("takt_command_age_seconds", "histogram", "Age of the command in use, at each relied tick.");
-  out.histogram(metrics.age);
-  out.family("takt_command_stage_seconds", "histogram", "Parts of a command's age at its first use.");
-  for (std::size_t stage = 0; stage < kAgeStageCount; ++stage)
-    out.histogram(metrics.stages[stage], {{"stage", kAgeStageNames[stage]}});
-  out.family("takt_command_arrivals_total", "counter", "Looks into the policy's mailbox, by what they found.");
-  for (std::size_t i = 0; i < kArrivalCount; ++i)
-    out.sample(metrics.arrivals[i], {{"arrival", name(static_cast<Arrival>(i))}});
-}
-
-// Those that the robot file watches for, each from 0 on.
-void catches(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
-  if (!robot.policy || !robot.policy->monitors) return;
-  out.family("takt_policy_catches_total", "counter", "Catches of the chunk monitors, by score.");
-  for (const config::ChunkThreshold& one : robot.policy->monitors->thresholds)
-    out.sample(metrics.catches[static_cast<std::size_t>(one.score)], {{"score", name(one.score)}});
-}
-
-void modes(Exposition& out, const LiveMetrics& metrics) {
-  out.family("takt_mode", "gauge", "1 for the mode the executive is in.");
-  for (std::size_t i = 0; i < kModeCount; ++i) {
-    const auto mode = static_cast<Mode>(i);
-    out.sample(metrics.is_in(mode) ? 1 : 0, {{"mode", name(mode)}});
-  }
-  out.family("takt_player", "gauge", "1 for the policy whose chunk the robot follows.");
-  for (std::size_t i = 0; i < kMoverCount; ++i) {
-    const auto player = static_cast<Player>(i);
-    out.sample(metrics.running && metrics.newest.tick != 0 && metrics.newest.player == player ? 1 : 0,
-               {{"player", name(player)}});
-  }
-  out.family("takt_fallback_usable", "gauge",
-             "1 while the fallback policy's command is fresh; none of a robot without one.");
-  if (metrics.newest.seats[Seat::fallback].session != 0)
-    out.sample(metrics.running && is_usable(metrics.newest.seats[Seat::fallback].freshness) ? 1 : 0);
-  out.family("takt_candidate_in_charge", "gauge",
-             "1 while a candidate is in charge of the robot, 0 while it runs beside its policy; none before one came.");
-  if (metrics.newest.candidate.policy_hash != 0)
-    out.sample(metrics.running && metrics.newest.candidate.in_charge != 0 ? 1 : 0);
-  out.family("takt_policy_changes_total", "counter", "What became of changes of policy on the live robot.");
-  for (std::size_t i = 1; i < kPolicyChangeCount; ++i)
-    out.sample(metrics.policy_changes[i], {{"change", name(static_cast<PolicyChange>(i))}});
-  out.family("takt_mode_transitions_total", "counter", "Changes of mode, by the mode entered and the cause.");
-  for (const auto& [change, times] : metrics.transitions)
-    out.sample(times, {{"mode", name(change.first)}, {"cause", name(change.second)}});
-}
-
-// Labels of which there are as many as joints, buses and causes: never the sentence, which has numbers in it.
-void incident(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
-  out.family("takt_incident", "gauge", "1 while the robot stands in a stop or fault, by what it is about.");
-  const Incident* const standing = metrics.standing();
-  if (standing == nullptr)
-    return out.sample(0, {{"mode", "none"}, {"cause", "none"}, {"where", robot.robot}, {"asked", "no"}});
-  out.sample(1, {{"mode", name(standing->to)},
-                 {"cause", name(standing->cause)},
-                 {"where", standing->where.empty() ? robot.robot : standing->where},
-                 {"asked", standing->asked ? "yes" : "no"}});
-}
-
-void loop(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
-  out.family("takt_up", "gauge", "1 while an executive runs and is recorded.");
-  out.sample(metrics.recording ? 1 : 0);
-  if (!metrics.run_id.empty()) {
-    out.family("takt_run_info", "gauge", "Always 1; what runs is in the labels.");
-    out.sample(1, {{"run_id", metrics.run_id}, {"config_sha256", robot.sha256}});
-  }
-  out.family("takt_control_period_seconds", "gauge", "Configured period of the control loop.");
-  out.sample(robot.control.period.seconds());
-  out.family("takt_ticks_total", "counter", "Ticks of the control loop.");
-  out.sample(metrics.ticks);
-  out.family("takt_wakeup_lateness_seconds", "histogram", "How late the control thread woke.");
-  out.histogram(metrics.lateness);
-  out.family("takt_tick_duration_seconds", "histogram", "How long a tick worked.");
-  out.histogram(metrics.work);
-  out.family("takt_overruns_total", "counter", "Periods that ended late, by cause.");
-  for (std::size_t i = 1; i < kOverrunCauseCount; ++i)
-    out.sample(metrics.overruns[i], {{"cause", name(static_cast<OverrunCause>(i))}});
-  out.family("takt_skipped_periods_total", "counter", "Periods in which the loop did not run.");
-  out.sample(metrics.skipped_periods);
-  if (!std::isnan(metrics.hours_left)) {
-    out.family("takt_record_hours_left", "gauge", "Until the disk of the runs is full; +Inf: record.keep makes room.");
-    out.sample(metrics.hours_left);
-  }
-  out.family("takt_record_losses_total", "counter", "Entries the monitor could not record, by ring and reason.");
-  for (const auto& [what, entries] : metrics.losses)
-    out.sample(entries, {{"ring", what.first}, {"reason", what.second}});
-}
-
-void buses(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
-  const auto each = [&](auto say) {
-    for (std::size_t bus = 0; bus < metrics.newest.bus_count && bus < robot.buses.size(); ++bus)
-      say(robot.buses[bus].name, metrics.newest.buses[bus]);
-  };
-  out.family("takt_bus_state", "gauge", "1 for the state a CAN bus is in.");
-  each([&](std::string_view bus, const BusHealth& health) {
-    for (std::size_t i = 0; i < kBusStateNames.size(); ++i)
-      out.sample(static_cast<std::size_t>(health.state) == i ? 1 : 0, {{"bus", bus}, {"state", kBusStateNames[i]}});
-  });
-  out.family("takt_bus_dropped_frames_total", "counter", "Frames lost on our side since the executive started.");
-  each([&](std::string_view bus, const BusHealth& health) {
-    out.sample(health.tx_dropped, {{"bus", bus}, {"direction", "transmit"}});
-    out.sample(health.rx_dropped, {{"bus", bus}, {"direction", "receive"}});
-  });
-  out.family("takt_bus_tick_to_wire_seconds", "histogram",
-             "From a tick's begin until its frames had left, where the controller says.");
-  for (std::size_t bus = 0; bus < robot.buses.size(); ++bus)
-    out.histogram(metrics.tick_to_wire[bus], {{"bus", robot.buses[bus].name}});
-  out.family("takt_command_age_on_wire_seconds", "histogram",
-             "Age of the command played when its frames had left, by tick and bus that says.");
-  out.histogram(metrics.age_on_wire);
-  out.family("takt_bus_foreign_frames_total", "counter", "Frames on our ids that none of our drives sends.");
-  each([&](std::string_view bus, const BusHealth& health) { out.sample(health.foreign_frames, {{"bus", bus}}); });
-}
-
-void joints(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
-  using config::JointKind;
-  const auto gauge = [&](std::string_view family, std::string_view help, std::initializer_list<JointKind> kinds,
-                         auto value) {
-    out.family(family, "gauge", help);
-    if (metrics.newest.tick == 0) return;
-    for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
-      if (std::ranges::find(kinds, robot.joints[joint].kind) != kinds.end())
-        out.sample(value(metrics.joints[joint]), {{"joint", robot.joints[joint].name}});
-  };
-  const auto position = [](const JointRecord& j) { return j.feedback.q; };
-  const auto velocity = [](const JointRecord& j) { return j.dq_estimate; };
-  const auto torque = [](const JointRecord& j) { return j.feedback.tau; };
-  gauge("takt_joint_position_radians", "Measured position.", {JointKind::hinge}, position);
-  gauge("takt_joint_velocity_radians_per_second", "Estimated velocity.", {JointKind::hinge}, velocity);
-  gauge("takt_joint_torque_newton_meters", "Torque the drive reports.", {JointKind::hinge}, torque);
-  if (config::has_slides(robot)) {
-    gauge("takt_joint_position_meters", "Measured position of a slide.", {JointKind::slide}, position);
-    gauge("takt_joint_velocity_meters_per_second", "Estimated velocity of a slide.", {JointKind::slide}, velocity);
-    gauge("takt_joint_force_newtons", "Force of a slide by what its drive reports.", {JointKind::slide}, torque);
-  }
-  gauge("takt_joint_temperature_celsius", "Hottest part the drive reports; 0 when it reports none.",
-        {JointKind::hinge, JointKind::slide}, [](const JointRecord& j) { return j.feedback.temperature_C; });
-  gauge("takt_joint_error_code", "The drive's own error code; 0 none.", {JointKind::hinge, JointKind::slide},
-        [](const JointRecord& j) { return j.feedback.error_code; });
-  out.family("takt_joint_error", "gauge", "1 while a drive reports an error, in its own words.");
-  for (std::size_t joint = 0; joint < robot.joints.size() && metrics.newest.tick != 0; ++joint)
-    if (const std::uint32_t code = metrics.joints[joint].feedback.error_code; code != 0)
-      out.sample(
-          1, {{"joint", robot.joints[joint].name}, {"error", drivers::error_name(robot.joints[joint].drive, code)}});
-  out.family("takt_interventions_total", "counter", "Ticks in which a constraint changed a joint's command, by kind.");
-  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
-    for (std::size_t kind = 0; kind < kInterventionCount; ++kind)
-      out.sample(metrics.interventions[joint][kind],
-                 {{"joint", robot.joints[joint].name}, {"kind", kInterventionNames[kind]}});
-}
-
 }  // namespace
 
 std::string prometheus_text(const LiveMetrics& metrics, const config::RobotConfig& robot) {
   Exposition out(robot.robot);
-  loop(out, metrics, robot);
-  modes(out, metrics);
-  incident(out, metrics, robot);
-  contract(out, metrics, robot);
-  catches(out, metrics, robot);
-  buses(out, metrics, robot);
-  joints(out, metrics, robot);
+  for (const MetricFamily& family : metric_families(metrics, robot)) out.write(family);
   return out.take();
 }
 

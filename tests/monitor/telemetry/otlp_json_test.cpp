@@ -89,10 +89,12 @@ TEST(OtlpMetrics, AHistogramHasOneCountMoreThanBounds) {
   VirtualRobot robot;
   robot.run(300);
   metrics.tick(robot.latest());
-  const Json request = Json::parse(otlp_metrics(kSource, metrics, kNow, kNow + seconds(10)));
-  std::size_t histograms = 0;
+  const Json request =
+      Json::parse(otlp_metrics(kSource, metric_families(metrics, demo_robot()), kNow, kNow + seconds(10)));
+  std::size_t histograms = 0, sums = 0;
   for (const Json& metric : request.at("resourceMetrics").at(0).at("scopeMetrics").at(0).at("metrics")) {
     EXPECT_FALSE(metric.at("description").get<std::string>().empty());
+    sums += metric.contains("sum") ? 1U : 0U;
     if (!metric.contains("histogram")) continue;
     for (const Json& point : metric.at("histogram").at("dataPoints")) {
       ++histograms;
@@ -103,7 +105,33 @@ TEST(OtlpMetrics, AHistogramHasOneCountMoreThanBounds) {
       EXPECT_EQ(point.at("startTimeUnixNano"), std::to_string(kNow.ns + kSource.monotonic_to_unix_ns));
     }
   }
-  EXPECT_EQ(histograms, 3 + kAgeStageCount);
+  EXPECT_EQ(histograms, 4 + kAgeStageCount + demo_robot().buses.size());
+  EXPECT_GE(sums, 5U);
+}
+
+// Goal: what Prometheus is told, OTLP is told too, under a name each. Method: the families of one robot; of two no name
+// is the same; OTLP's request has each that has something to say.
+TEST(OtlpMetrics, SaysWhatPrometheusIsTold) {
+  LiveMetrics metrics(demo_robot());
+  metrics.begin("run");
+  VirtualRobot robot;
+  robot.run(300);
+  metrics.tick(robot.latest());
+  metrics.loss({"tick", "overwritten", 3, 1, 5});
+  const auto families = metric_families(metrics, demo_robot());
+  const Json request = Json::parse(otlp_metrics(kSource, families, kNow, kNow + seconds(10)));
+  std::set<std::string> told;
+  for (const Json& metric : request.at("resourceMetrics").at(0).at("scopeMetrics").at(0).at("metrics"))
+    told.insert(metric.at("name"));
+  std::set<std::string_view> names, prometheus;
+  for (const MetricFamily& family : families) {
+    EXPECT_TRUE(names.insert(family.name).second) << family.name;
+    EXPECT_TRUE(prometheus.insert(family.prometheus).second) << family.prometheus;
+  }
+  EXPECT_GE(told.size(), 25U);
+  for (const char* name : {"takt.record.losses", "takt.joint.temperature", "takt.bus.state", "takt.mode", "takt.ticks"})
+    EXPECT_TRUE(told.contains(name)) << name;
+  EXPECT_FALSE(told.contains("takt.candidate.in_charge")) << "there was none";
 }
 
 }  // namespace
