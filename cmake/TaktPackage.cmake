@@ -43,7 +43,7 @@ add_custom_command(TARGET takt-manual POST_BUILD VERBATIM
   COMMAND ${CMAKE_COMMAND} -E make_directory ${CMAKE_BINARY_DIR}/package-check
   COMMAND ${CMAKE_STRIP} -o ${CMAKE_BINARY_DIR}/package-check/check-robot $<TARGET_FILE:takt-check-robot>)
 add_dependencies(takt-manual takt-check-robot)
-# Whoever packs asks for this target alone: all that is packed comes with it.
+# A packager asks for this target alone: all that is packed comes with it.
 get_property(installed GLOBAL PROPERTY TAKT_INSTALLED)
 add_dependencies(takt-manual ${installed})
 install(DIRECTORY ${share}/man ${share}/bash-completion ${share}/zsh ${share}/fish DESTINATION ${CMAKE_INSTALL_DATADIR} OPTIONAL)

@@ -41,7 +41,7 @@ set(TAKT_TEXT $<$<CONFIG:RelWithDebInfo>:-O1>)
 set(TAKT_ARITHMETIC $<$<CONFIG:RelWithDebInfo>:-O2>) # for targets in such a folder that compute
 
 # For libraries whose functions run in every tick, real or virtual. Archives are position-independent, so that the compiler reckons
-# with somebody who puts a function of his own in the place of one of theirs; nobody does: calls within a file may be inlined.
+# with a program that replaces one of their functions by its own; none does: calls within a file may be inlined.
 set(TAKT_EVERY_TICK -fno-semantic-interposition)
 
 # A first build in half the time: such folders' sources are compiled several at once, so that headers are read once for all of
@@ -69,7 +69,7 @@ function(takt_program name)
   endif()
   add_executable(${name} ${ARG_SOURCES} $<TARGET_OBJECTS:takt_program_version>)
   target_link_libraries(${name} PRIVATE takt_options ${ARG_DEPENDS})
-  # No symbol is looked up while it runs: inside the loop that is time nobody planned.
+  # No symbol is looked up while it runs: inside the loop that is time that is not planned.
   target_link_options(${name} PRIVATE LINKER:-z,now)
   set_property(GLOBAL APPEND PROPERTY TAKT_PROGRAMS ${name})
   set_property(GLOBAL APPEND PROPERTY TAKT_INSTALLED ${name})
@@ -85,7 +85,7 @@ function(takt_engine name)
   set(map ${CMAKE_SOURCE_DIR}/policy_host/engines/engine.map)
   add_library(${target} MODULE ${ARG_SOURCES})
   target_link_libraries(${target} PRIVATE takt_options ${ARG_DEPENDS})
-  # What a library inside it is called is nobody else's business, nor may it be taken for somebody else's.
+  # What a library inside it is called is its own business, nor may it be taken for another library's.
   target_link_options(${target} PRIVATE LINKER:--version-script=${map} LINKER:--exclude-libs,ALL LINKER:--as-needed LINKER:-z,now)
   set_target_properties(${target} PROPERTIES PREFIX "" CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON
     LINK_DEPENDS ${map} LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/${TAKT_ENGINES})

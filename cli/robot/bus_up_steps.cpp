@@ -35,7 +35,7 @@ Words timing_command(const config::Bus& bus) {
 }
 
 struct KernelAnswer {
-  std::string_view says, mend;
+  std::string_view says, cure;
 };
 // As iproute2 and the kernel's extended acknowledgements word them.
 constexpr KernelAnswer kKernelAnswers[] = {
@@ -135,14 +135,14 @@ std::string why_refused(const Words& command, std::string_view said) {
   const bool is_fd = std::ranges::find(command, "fd") != command.end();
   const auto known = std::ranges::find_if(
       kKernelAnswers, [&](const KernelAnswer& answer) { return said.find(answer.says) != std::string_view::npos; });
-  std::string mend;
+  std::string cure;
   if (is_fd && said.find("Operation not supported") != std::string_view::npos)
-    mend = "its adapter or driver has no CAN FD: write `fd: false`, or take another adapter";
+    cure = "its adapter or driver has no CAN FD: write `fd: false`, or take another adapter";
   else if (said.find("Operation not supported") != std::string_view::npos)
-    mend = "its driver does not do that: an adapter on a serial line gets its bit rate from slcand";
+    cure = "its driver does not do that: an adapter on a serial line gets its bit rate from slcand";
   else if (known != std::end(kKernelAnswers))
-    mend = known->mend;
-  return fmt::format("`{}` failed: {}{}{}", line_of(command), line, mend.empty() ? "" : "; ", mend);
+    cure = known->cure;
+  return fmt::format("`{}` failed: {}{}{}", line_of(command), line, cure.empty() ? "" : "; ", cure);
 }
 
 std::string line_of(const Words& command) {

@@ -34,7 +34,7 @@ struct Finding {
   Verdict verdict = Verdict::ok;
   std::string found;  // what was read
   std::string where;  // from which file, limit or command
-  std::string mend;   // empty when ok
+  std::string cure;   // empty when ok
 };
 
 // `robot`: null judges the machine alone, as for control.cpu none and a period of 1 ms.

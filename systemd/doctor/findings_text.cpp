@@ -84,7 +84,7 @@ std::string text_of(const std::vector<Finding>& findings, const Snapshot& snapsh
   std::string text = fmt::format("takt {} on {}\n", snapshot.takt_version, snapshot.kernel_release);
   for (const Finding& finding : findings) {
     text += fmt::format("{:<5} {:<14} {} [{}]\n", name(finding.verdict), finding.check, finding.found, finding.where);
-    if (!finding.mend.empty()) text += fmt::format("{:20} -> {}\n", "", finding.mend);
+    if (!finding.cure.empty()) text += fmt::format("{:20} -> {}\n", "", finding.cure);
   }
   if (snapshot.wakeup) text += histogram(*snapshot.wakeup);
   const auto count = [&findings](Verdict verdict) { return std::ranges::count(findings, verdict, &Finding::verdict); };
@@ -100,7 +100,7 @@ std::string json_of(const std::vector<Finding>& findings, const Snapshot& snapsh
                    {"verdict", name(finding.verdict)},
                    {"found", finding.found},
                    {"where", finding.where},
-                   {"correct", finding.mend}});
+                   {"correct", finding.cure}});
   return Json{{"schema", "takt.doctor/1"},           {"verdict", name(worst(findings))},
               {"examined_at", snapshot.examined_at}, {"takt", snapshot.takt_version},
               {"kernel", snapshot.kernel_release},   {"findings", all},

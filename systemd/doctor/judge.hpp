@@ -20,8 +20,8 @@ struct Case {
 inline Finding fine(std::string check, std::string found, std::string where) {
   return {std::move(check), Verdict::ok, std::move(found), std::move(where), {}};
 }
-inline Finding bad(Verdict verdict, std::string check, std::string found, std::string where, std::string mend) {
-  return {std::move(check), verdict, std::move(found), std::move(where), std::move(mend)};
+inline Finding bad(Verdict verdict, std::string check, std::string found, std::string where, std::string cure) {
+  return {std::move(check), verdict, std::move(found), std::move(where), std::move(cure)};
 }
 
 inline bool contains(const std::vector<int>& list, int value) {

@@ -17,11 +17,11 @@ std::uint64_t priority_of(const Case& of) {
 }
 
 Finding granted_or(const Snapshot& machine, bool granted, const char* check, const std::string& found,
-                   const std::string& where, const std::string& mend) {
+                   const std::string& where, const std::string& cure) {
   if (granted) return fine(check, found, where);
   if (machine.units_installed)
-    return bad(Verdict::warn, check, found + " for this user; takt-executive.service grants it to itself", where, mend);
-  return bad(Verdict::fail, check, found, where, mend);
+    return bad(Verdict::warn, check, found + " for this user; takt-executive.service grants it to itself", where, cure);
+  return bad(Verdict::fail, check, found, where, cure);
 }
 
 Finding rtprio(const Case& of) {

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # with_slurm.sh COMMAND...: runs COMMAND with a Slurm cluster of its own, one node with two processors on this machine's
 # loopback, and ends the cluster with it. Debian's slurm-wlm and munge; no systemd, no cgroups, no account database; all
-# files in a temporary folder, ports that nobody listens on, the key of munge private to this user.
+# files in a temporary folder, ports on which no process listens, the key of munge private to this user.
 # Exit codes: COMMAND's; 77 Slurm is not installed (1 where TAKT_REQUIRE_SLURM is set); 1 the cluster did not come up.
 set -euo pipefail
 PATH=$PATH:/usr/sbin

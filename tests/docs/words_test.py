@@ -6,7 +6,8 @@ read for single words only. No paragraph or list item has more than 90 words. No
 page's sentences nine of ten have at most 30. No word of INSTEAD_OF is used. Each sentence begins on a line of its own,
 of at most 120 columns. A span of code counts as one word. In the sources of the programs the strings are read for the
 words of INSTEAD_OF: keys, help, messages. No sentence of a key's text has more than 25 words. Of all sources in C++,
-C, Python, JavaScript and of every CMakeLists.txt, tests included, comments and docstrings are read for these words.
+C, Python, JavaScript, CMake, YAML, TOML, shell and systemd's units, tests included, comments and docstrings are read
+for these words.
 Usage: words_test.py REPOSITORY [PAGE...]. Exit codes: 0 fine, 1 not: a line per finding, with file, line and how to
 correct it.
 """
@@ -38,7 +39,9 @@ PRINTED_PARTS = {
 ROOMS = ("executive", "config", "dds", "drivers", "policy_host", "client", "sensors", "monitor", "simulation", "evidence", "lab", "systemd", "cli")
 RECORDED = {"monitor/record/tick_schema.cpp"}  # its words are in every run folder
 
-COMMENTED = (".cpp", ".hpp", ".h", ".py", ".mjs", ".js", "CMakeLists.txt")  # ends of the names of sources
+# Ends of the names of sources; the second's comments begin with #.
+WITH_HASH = ("CMakeLists.txt", ".cmake", ".yaml", ".sh", ".toml", ".service", ".timer", ".target", "dev", ".ci/run")
+COMMENTED = (".cpp", ".hpp", ".h", ".py", ".mjs", ".js", *WITH_HASH)
 # Of C++, C and JavaScript: a comment, or a string in which no comment begins. The ' of 1'000 begins none.
 COMMENT_OR_STRING = re.compile(r"""//[^\n]*|/\*(?:.|\n)*?\*/
                                    |R"([^()\\ ]{0,16})\((?:.|\n)*?\)\1"|"(?:[^"\\\n]|\\.)*"
@@ -211,7 +214,7 @@ def comments(path):
                 yield token.start[0], token.string
             if token.type not in (tokenize.COMMENT, tokenize.NL):
                 begins = token.type in (tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT)
-    elif path.suffix == ".txt":
+    elif path.as_posix().endswith(WITH_HASH):
         for found in re.finditer(r"(?<!\S)#.*", text):
             yield text.count("\n", 0, found.start()) + 1, found[0]
     else:
@@ -224,7 +227,8 @@ def sources(root):
     """Those that git knows; without git those that are there."""
     listed = subprocess.run(["git", "-C", str(root), "ls-files"], capture_output=True, text=True)
     paths = listed.stdout.splitlines() or [path.relative_to(root).as_posix() for path in root.rglob("*")]
-    named = (path for path in paths if path.endswith(COMMENTED) and not {"build", "node_modules"} & set(path.split("/")))
+    others = {"build", "node_modules", "releases"}  # what an earlier release wrote stays as it is
+    named = (path for path in paths if path.endswith(COMMENTED) and not others & set(path.split("/")))
     return sorted(path for path in named if (root / path).is_file())
 
 

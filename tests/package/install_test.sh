@@ -42,7 +42,7 @@ inside takt --version
 inside takt config check /etc/takt/robot/robot.yaml
 ! pgrep -f "^/usr/bin/takt" >/dev/null || fail "something was started"
 inside getent passwd takt takt-policy takt-policy-fallback takt-policy-bridge >/dev/null || fail "the users are missing"
-# 2 of `takt run`: it ended in a stop that nobody asked for, which happens without real-time rights; of `takt replay`:
+# 2 of `takt run`: it ended in a stop that was not asked for, which happens without real-time rights; of `takt replay`:
 # some ticks could not be judged, all others reproduce.
 may_end_with_2() { "$@" || [ $? -eq 2 ]; }
 run_demo() { # RUN [OPTION...]

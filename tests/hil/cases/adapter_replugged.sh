@@ -6,7 +6,7 @@
 # Mode: virtual
 # Machine: kvaser
 # Limit: 120 s
-# Planted fault: takt-can@ is not enabled: nobody brings the adapter up again.
+# Planted fault: takt-can@ is not enabled: nothing brings the adapter up again.
 # Planted by: s/^systemctl enable/systemctl start/
 . "$HIL_LIB/hil.sh"
 modprobe kvaser_pci || fail "no kvaser_pci"

@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # Goal: what waits in the queue of a bus that stands still does not leave once it is too old: a dead bus that comes back moves nothing.
-# Method: arm6 tracking; vcan0, which hands frames back when they left (echo=1), keeps what it is given for 3 s (netem): nobody answers, nothing
+# Method: arm6 tracking; vcan0, which hands frames back when they left (echo=1), keeps what it is given for 3 s (netem): no drive answers, nothing
 #   arrives. A peer on the bus stamps every frame that comes out; dead_bus.py finds for each the tick that wrote it, and so its command's oldest sample.
 # Mode: virtual
 # Limit: 90 s

@@ -1,8 +1,8 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# Goal: drives that nobody commands stop by their own watchdogs; systemd's ends the executive that hangs, and starts another, disarmed.
+# Goal: drives without a command stop by their own watchdogs; systemd's ends the executive that hangs, and starts another, disarmed.
 # Method: SIGSTOP while tracking: no thread runs, as after a deadlock in the kernel. After the drives' 50 ms, which the executive wrote into them, and before systemd's 500, each is asked
-#   for its state (Damiao's refresh, which commands nothing): D, communication lost. Then WatchdogSec passes; the abort signal finds nobody, so that
+#   for its state (Damiao's refresh, which commands nothing): D, communication lost. Then WatchdogSec passes; the abort signal finds no handler, so that
 #   SIGKILL follows after TimeoutAbortSec. The journal names the watchdog as the reason.
 # Mode: virtual
 # Limit: 120 s

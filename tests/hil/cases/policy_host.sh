@@ -1,6 +1,6 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# Goal: a policy host that dies, hangs or talks nonsense cannot move the robot, and systemd brings it back.
+# Goal: a policy host that dies, hangs or sends invalid commands cannot move the robot, and systemd brings it back.
 # Method: while tracking, SIGKILL to the policy host; SIGSTOP, then SIGCONT; then a liar in its place that sends NaN. Each time the robot
 #   degrades or stops; after death and hang it is reset and armed, and tracks again. The age at which it degraded must not be far from max_age.
 # Mode: virtual

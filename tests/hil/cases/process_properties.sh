@@ -8,7 +8,7 @@
 # Limit: 60 s
 # Planted fault: mlockall does nothing and is reported as done.
 # Planted by: /^plant$/i drop_in takt-executive.service Service SystemCallFilter= SystemCallFilter=~mlockall:0
-# Planted fault: nobody gets SCHED_FIFO, and all report that they did.
+# Planted fault: no process gets SCHED_FIFO, and all report that they did.
 # Planted by: /^plant$/i drop_in takt-executive.service Service SystemCallFilter= SystemCallFilter=~sched_setscheduler:0
 # Planted fault: the executive's service thread waits behind a busy policy.
 # Planted by: /^plant$/i drop_in takt-executive.service Service CPUSchedulingPolicy=other

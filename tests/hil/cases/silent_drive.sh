@@ -29,7 +29,7 @@ silent() {
   grep -qE "$pushes" before.txt || fail "$joint: the pattern finds nothing while it is healthy: $(tail -4 before.txt)"
   sleep 0.1
   candump -L -T 1000 -n 600 $bus >after.txt
-  grep -E "$pushes" after.txt | head -3 | grep . && fail "$joint: pushed while nobody hears it"
+  grep -E "$pushes" after.txt | head -3 | grep . && fail "$joint: pushed while it is not heard"
   grep -qE "$others" after.txt || fail "$joint: nothing goes to the others of $bus"
   takt stop --now --runtime-dir $RUN || fail "$joint: takt stop --now"
   candump -L -T 1000 -n 100 $bus >let_go.txt

@@ -32,6 +32,6 @@ new=$cache/new.root.tar once "root-$root_key.tar" "$here/root.sh" "$cache/new.ro
 new=$cache/new.kernel once "kernel-$kernel_key" "$here/kernel.sh" "$cache/new.kernel" "$cache/debs" "$here/modules.list"
 new=$cache/new.image once "image-$own_key" "$here/pack.sh" "$cache/root-$root_key.tar" "$cache/kernel-$kernel_key" "$cache/new.image"
 for kind in root kernel image; do prune "$kind"; done
-# qemu opens the image for writing, although it writes to a copy: it belongs to whoever asked.
+# qemu opens the image for writing, although it writes to a copy: it belongs to the user who asked.
 [ -z "${SUDO_UID:-}" ] || chown -R "$SUDO_UID:$SUDO_GID" "$cache"
 echo "$cache/image-$own_key"

@@ -5,7 +5,7 @@ set -uo pipefail
 
 ROBOT=/etc/takt/robot/robot.yaml
 RUN=/run/takt
-# Every call of takt would read all libraries' headers for a trace that nobody takes.
+# Every call of takt would read all libraries' headers for a trace that is not taken.
 export LTTNG_UST_WITHOUT_BADDR_STATEDUMP=1
 PLANT=hil-plant  # the device side of the buses: not a part of what is tested
 POLICY=takt-policy-host@robot
@@ -70,7 +70,7 @@ plant() {
   within 5 "the plant" is_active $PLANT
 }
 
-# field NAME: of the executive's status, as text; empty while nobody answers. Its newest incident has names of its own.
+# field NAME: of the executive's status, as text; empty while no executive answers. Its newest incident has names of its own.
 field() { takt status --runtime-dir $RUN --json 2>/dev/null | sed 's/"incident":{[^}]*}//' | grep -oE "\"$1\":(\"[^\"]*\"|[^,}]*)" | cut -d: -f2- | tr -d '"'; }
 mode_is() { [ "$(field mode)" = "$1" ]; }
 main_pid() { systemctl show -P MainPID "$1"; }

@@ -96,7 +96,7 @@ struct Fact {
   const char* what;
   Verdict verdict;
   const char* check;
-  const char* mend;  // part of the advice
+  const char* cure;  // part of the advice
   std::function<void(Snapshot&)> plant;
 };
 
@@ -198,7 +198,7 @@ TEST(Diagnose, EachBadFactIsNamedAloneWithItsCure) {
     ASSERT_EQ(found.size(), 1U) << fact.what;
     EXPECT_EQ(found[0].check, fact.check) << fact.what;
     EXPECT_EQ(found[0].verdict, fact.verdict) << fact.what;
-    EXPECT_NE(found[0].mend.find(fact.mend), std::string::npos) << fact.what << ": " << found[0].mend;
+    EXPECT_NE(found[0].cure.find(fact.cure), std::string::npos) << fact.what << ": " << found[0].cure;
     EXPECT_FALSE(found[0].found.empty() || found[0].where.empty()) << fact.what;
   }
 }
