@@ -45,14 +45,19 @@ bool may_run_in(const std::string& directory) {
   return access(directory.c_str(), X_OK) == 0 && ipc::may_listen(socket);
 }
 
-// What the executive wrote of itself; discarded where it is not there.
-nlohmann::json executive_json(const std::string& directory) {
+// At most so much of a file, for a stranger may have written it.
+std::string start_of(const std::string& path) {
   constexpr std::size_t kMostBytes = 64 * 1024;
-  std::ifstream file(directory + "/executive.json", std::ios::binary);
+  std::ifstream file(path, std::ios::binary);
   std::string text(kMostBytes, '\0');
   file.read(text.data(), static_cast<std::streamsize>(text.size()));
   text.resize(static_cast<std::size_t>(std::max<std::streamsize>(0, file.gcount())));
-  return nlohmann::json::parse(text, nullptr, false);
+  return text;
+}
+
+// What the executive wrote of itself; discarded where it is not there.
+nlohmann::json executive_json(const std::string& directory) {
+  return nlohmann::json::parse(start_of(directory + "/executive.json"), nullptr, false);
 }
 
 // Printable; `otherwise` where it is not said.
@@ -63,6 +68,25 @@ std::string text_in(const nlohmann::json& json, const char* key, const std::stri
 
 std::string name_of_robot_in(const std::string& directory) {
   return text_in(executive_json(directory), "robot", fs::path(directory).filename().string());
+}
+
+// Of the process with this folder in /proc; empty: it is no executive of this user, or has the usual one.
+std::string runtime_directory_of_executive(const fs::path& process) {
+  if (start_of(process / "comm") != "takt-executive\n") return {};
+  if (!start_of(process / "status").contains(fmt::format("\nUid:\t{0}\t{0}\t", geteuid()))) return {};
+  constexpr std::string_view kOption = "--runtime-dir";
+  const std::string words = start_of(process / "cmdline");
+  std::string directory;
+  for (std::size_t begin = 0; begin < words.size();) {
+    const std::string word = words.c_str() + begin;
+    begin += word.size() + 1;
+    if (word == kOption && begin < words.size()) directory = words.c_str() + begin;
+    if (word.starts_with(std::string(kOption) + '=')) directory = word.substr(kOption.size() + 1);
+  }
+  if (directory.empty() || directory.starts_with('/')) return directory;
+  std::error_code error;
+  const fs::path cwd = fs::read_symlink(process / "cwd", error);
+  return error ? std::string() : (cwd / directory).lexically_normal().string();
 }
 
 std::string described(const std::string& place) {
@@ -105,6 +129,18 @@ std::vector<RunningRobot> running_robots(const RobotPlaces& places) {
   std::vector<RunningRobot> robots;
   for (const std::string& directory : possible_runtime_directories(places))
     if (may_run_in(directory)) robots.push_back({name_of_robot_in(directory), directory});
+  return robots;
+}
+
+std::vector<RunningRobot> running_robots_anywhere(const RobotPlaces& places) {
+  std::vector<RunningRobot> robots = running_robots(places);
+  std::error_code error;
+  for (fs::directory_iterator at("/proc", error), end; !error && at != end; at.increment(error)) {
+    const std::string directory = runtime_directory_of_executive(at->path());
+    const bool is_known = std::ranges::find(robots, directory, &RunningRobot::runtime_directory) != robots.end();
+    if (!directory.empty() && !is_known && may_run_in(directory))
+      robots.push_back({name_of_robot_in(directory), directory});
+  }
   return robots;
 }
 

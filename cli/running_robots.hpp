@@ -29,6 +29,9 @@ struct RunningRobot {
 // One that is there but does not answer is a running robot too.
 std::vector<RunningRobot> running_robots(const RobotPlaces& places);
 
+// Those, and the executives of this user with a runtime directory of their own, by their command lines in /proc.
+std::vector<RunningRobot> running_robots_anywhere(const RobotPlaces& places);
+
 // The one that runs; `name` not empty: the one of that name. Refused with 69 when there is none, with 64 and one line
 // per robot when there are several.
 std::expected<RunningRobot, Refusal> the_running_robot(const RobotPlaces& places, const std::string& name);

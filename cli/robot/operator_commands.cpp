@@ -93,6 +93,13 @@ std::string what_runs_text(const WhatRuns& runs) {
                      runs.policy_hash);
 }
 
+// What keeps the robot where it is, or does not; empty: it was not asked to stop.
+std::string_view after_stop(OperatorVerb verb, Mode mode) {
+  if (verb != OperatorVerb::press_stop && verb != OperatorVerb::deenergise) return "";
+  if (mode == Mode::standby) return ": no drive has power; the next `takt arm` moves the robot";
+  return mode == Mode::damped_stop || mode == Mode::fault_latched ? ": `takt arm` is refused until `takt reset`" : "";
+}
+
 void print_reply(OperatorVerb verb, const OperatorReply& reply, const OperatorOptions& options,
                  const std::string& directory) {
   const auto sentences = sentences_of(reply);
@@ -107,7 +114,7 @@ void print_reply(OperatorVerb verb, const OperatorReply& reply, const OperatorOp
     fmt::print("{}{}", status_text(reply.status, reply.incident), what_runs_text(what_runs_in(directory)));
   for (const std::string& sentence : sentences) fmt::print(reply.done != 0 ? stdout : stderr, "{}\n", sentence);
   if (verb != OperatorVerb::status && reply.done != 0 && sentences.empty())
-    fmt::print("mode {}\n", name(reply.status.tick.mode));
+    fmt::print("mode {}{}\n", name(reply.status.tick.mode), after_stop(verb, reply.status.tick.mode));
 }
 
 struct Stopped {
@@ -134,21 +141,22 @@ int exit_code_of(const Stopped& stopped) {
   return stopped.did_already || stopped.reply->done != 0 ? kExitOk : kExitFailed;
 }
 
-std::string text_of(const Stopped& stopped) {
+std::string text_of(OperatorVerb verb, const Stopped& stopped) {
   if (!stopped.reply)
     return fmt::format("no executive answers in {}: {}", stopped.robot.runtime_directory, stopped.reply.error());
   if (stopped.did_already) return fmt::format("mode {}, not pressed again", name(stopped.reply->status.tick.mode));
   const auto sentences = sentences_of(*stopped.reply);
-  return sentences.empty() ? fmt::format("mode {}", name(stopped.reply->status.tick.mode))
+  const Mode mode = stopped.reply->status.tick.mode;
+  return sentences.empty() ? fmt::format("mode {}{}", name(mode), after_stop(verb, mode))
                            : fmt::format("{}", fmt::join(sentences, "; "));
 }
 
-nlohmann::json json_of(const Stopped& stopped) {
+nlohmann::json json_of(OperatorVerb verb, const Stopped& stopped) {
   nlohmann::json json{{"robot", stopped.robot.name},
                       {"runtime_dir", stopped.robot.runtime_directory},
                       {"done", exit_code_of(stopped) == kExitOk},
                       {"pressed", !stopped.did_already},
-                      {"sentences", {text_of(stopped)}},
+                      {"sentences", {text_of(verb, stopped)}},
                       {"status", nullptr}};
   if (stopped.reply) json["status"] = status_json(stopped.reply->status, stopped.reply->incident);
   return json;
@@ -157,7 +165,7 @@ nlohmann::json json_of(const Stopped& stopped) {
 // Each in a thread of its own: one that hangs keeps no other from being stopped.
 int stop_all(OperatorVerb verb, bool json) {
   std::vector<Stopped> all;
-  for (RunningRobot& robot : running_robots(places_of_this_user())) all.push_back({.robot = std::move(robot)});
+  for (RunningRobot& robot : running_robots_anywhere(places_of_this_user())) all.push_back({.robot = std::move(robot)});
   if (all.empty()) return refuse_request(the_running_robot(places_of_this_user(), {}).error(), json);
   {
     std::vector<std::jthread> threads;
@@ -169,12 +177,21 @@ int stop_all(OperatorVerb verb, bool json) {
   for (const Stopped& one : all) {
     exit_code = std::max(exit_code, exit_code_of(one));
     if (json)
-      robots.push_back(json_of(one));
+      robots.push_back(json_of(verb, one));
     else
-      fmt::print(exit_code_of(one) == kExitOk ? stdout : stderr, "{}: {}\n", one.robot.name, text_of(one));
+      fmt::print(exit_code_of(one) == kExitOk ? stdout : stderr, "{}: {}\n", one.robot.name, text_of(verb, one));
   }
   if (json) fmt::print("{}\n", json_line(nlohmann::json{{"robots", robots}}));
   return exit_code;
+}
+
+// Where none runs that a command finds by itself: those that it must be told of.
+std::string elsewhere(const OperatorOptions& options) {
+  if (!options.runtime_dir.empty()) return {};
+  std::string lines;
+  for (const RunningRobot& robot : running_robots_anywhere(places_of_this_user()))
+    lines += fmt::format("\n  elsewhere {}: --runtime-dir {}", robot.name, robot.runtime_directory);
+  return lines;
 }
 
 int request(OperatorVerb verb, const OperatorOptions& options) {
@@ -182,6 +199,7 @@ int request(OperatorVerb verb, const OperatorOptions& options) {
   auto directory = runtime_dir_of(options);
   if (!directory && directory.error().exit_code == kExitUsage && verb == OperatorVerb::press_stop)
     directory.error().sentence += "\n  all of them: takt stop --all";
+  if (!directory && directory.error().exit_code == kExitUnavailable) directory.error().sentence += elsewhere(options);
   if (!directory) return refuse_request(directory.error(), options.json);
   std::string text;
   for (const std::string& word : options.text) text += (text.empty() ? "" : " ") + word;
@@ -204,7 +222,8 @@ void add(CLI::App& app, int& exit_code, OperatorVerb verb, const char* word, con
   where->add_option("--runtime-dir", options->runtime_dir, "its runtime directory");
   where->add_option("--robot", options->robot_file, "its robot file: the one of that name");
   if (verb == OperatorVerb::press_stop)
-    where->add_flag("--all", options->all, "every robot of this machine; one that stops already is not pressed again");
+    where->add_flag("--all", options->all,
+                    "every robot of this user and of the units; one that stops already is not pressed again");
   where->require_option(0, 1);
   command->add_flag("--json", options->json, "one line of JSON");
   command->footer(footer);
