@@ -46,6 +46,7 @@ bool waits_for_command_alone(const std::vector<std::string>& missing) {
   });
 }
 
+constexpr std::string_view kStoppedSince = "a stop was asked for since this command began to ask: give it again";
 constexpr std::string_view kNotNoticed = "the control thread did not answer in time: is it running? see takt status";
 constexpr std::string_view kFaultDampsOnly =
     "mode fault_latched: what failed has no power, and nothing moves on purpose; again, or with --now, takes their "
@@ -53,7 +54,7 @@ constexpr std::string_view kFaultDampsOnly =
 
 }  // namespace
 
-OperatorReply Reception::answer(const OperatorMessage& message, std::string_view text) {
+OperatorReply Reception::answer(pid_t asker, const OperatorMessage& message, std::string_view text) {
   OperatorReply reply;
   const OperatorVerb verb = message.verb;
   switch (verb) {
@@ -70,14 +71,16 @@ OperatorReply Reception::answer(const OperatorMessage& message, std::string_view
             "joint " + waiver.joint + ": its drive has no command timeout (watchdog_waiver: " + waiver.reason + ")");
       break;
     case OperatorVerb::arm:
-      arm(reply);
+      arm(asker, reply);
       break;
     case OperatorVerb::stop:
     case OperatorVerb::press_stop:
     case OperatorVerb::deenergise:
+      pending_arms_.stop();
       stop(verb, reply);
       break;
     case OperatorVerb::reset:
+      pending_arms_.forget(asker);
       reset(reply);
       break;
     case OperatorVerb::mark:
@@ -115,7 +118,8 @@ std::vector<std::string> Reception::missing() const {
                              .policy_in_file = parts_.robot.policy.has_value()});
 }
 
-void Reception::arm(OperatorReply& reply) {
+void Reception::arm(pid_t asker, OperatorReply& reply) {
+  if (pending_arms_.is_ended(asker, SystemClock().now())) return say(reply, kStoppedSince);
   parts_.follower.catch_up();
   auto missing = this->missing();
   // No command of before a reset counts after it: the next one is on its way.
@@ -136,6 +140,7 @@ void Reception::arm(OperatorReply& reply) {
   if (!wait_for(OperatorRequest::arm, tick)) return say(reply, kNotNoticed);
   const Mode mode = parts_.follower.latest().header.mode;
   reply.done = mode == Mode::arming || mode == Mode::tracking || mode == Mode::degraded ? 1 : 0;
+  if (reply.done != 0) pending_arms_.forget(asker);
   if (reply.done == 0)
     return say(reply, "something came between: " + active_causes(parts_.follower.latest().header) + ": try again");
   if (const std::string stops = config::stops_without_model(parts_.robot); !stops.empty()) say(reply, stops);

@@ -38,7 +38,7 @@ ipc::RendezvousServer::Handlers Reception::handlers() {
           .request =
               [this](const ipc::Peer& peer, const OperatorMessage& message, std::string_view text) {
                 const MonoTime heard_at = SystemClock().now();
-                const OperatorReply reply = answer(message, text);
+                const OperatorReply reply = answer(peer.pid, message, text);
                 operators_.note(peer, message.verb, reply, heard_at);
                 return reply;
               }};

@@ -31,6 +31,7 @@
 #include "executive/runtime/mailbox_handover.hpp"
 #include "executive/runtime/operator_inbox.hpp"
 #include "executive/runtime/operator_log.hpp"
+#include "executive/runtime/pending_arms.hpp"
 #include "executive/runtime/policy_words.hpp"
 #include "executive/runtime/published_segments.hpp"
 #include "executive/runtime/recorded_through.hpp"
@@ -91,9 +92,9 @@ class Reception {
   void watch_silence();
   void tell_policy_words();
 
-  OperatorReply answer(const OperatorMessage& message, std::string_view text);
+  OperatorReply answer(pid_t asker, const OperatorMessage& message, std::string_view text);
   [[nodiscard]] std::vector<std::string> missing() const;
-  void arm(OperatorReply& reply);
+  void arm(pid_t asker, OperatorReply& reply);
   void stop(OperatorVerb verb, OperatorReply& reply);
   void reset(OperatorReply& reply);
   void mark(std::string_view text, OperatorReply& reply);
@@ -113,6 +114,7 @@ class Reception {
   PerSeat<std::uint8_t> sessions_{};
   PolicyWords words_;
   OperatorLog operators_;
+  PendingArms pending_arms_;
   MonoTime policy_lived_at_;  // the policy in charge came, spoke, or had a usable command in a tick
   bool realtime_ = false;
   bool allow_non_realtime_ = false;

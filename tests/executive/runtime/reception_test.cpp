@@ -335,6 +335,19 @@ TEST_F(ReceptionTest, ArmingIsRefusedWithTheListOfWhatIsMissing) {
   EXPECT_EQ(ask(OperatorVerb::status).status.tick.mode, Mode::standby);
 }
 
+// Goal: a stop in standby ends the asking of a program that waits to arm, as `takt run --arm`. Method: one process asks
+// for arming, which is refused, for a stop, and for arming again; a reset of its own makes it a new question.
+TEST_F(ReceptionTest, AStopEndsAPendingArming) {
+  ASSERT_TRUE(until([](const StatusSnapshot& status) { return status.ticks > 50; }));
+  for (const OperatorVerb stop : {OperatorVerb::press_stop, OperatorVerb::stop, OperatorVerb::deenergise}) {
+    EXPECT_THAT(ask(OperatorVerb::arm).sentences, HasSubstr("no policy is attached"));
+    EXPECT_EQ(ask(stop).done, 1);
+    for (int time = 0; time < 3; ++time)
+      EXPECT_THAT(ask(OperatorVerb::arm).sentences, HasSubstr("a stop was asked for since this command began to ask"));
+    EXPECT_EQ(ask(OperatorVerb::reset).status.tick.mode, Mode::standby);
+  }
+}
+
 // Goal: who arms at once after a reset is not refused for want of a command that is on its way. Method: a policy that
 // is silent, and nothing else missing: the refusal comes once the policy has had its time, and no earlier.
 TEST_F(ReceptionTest, ArmingWaitsForTheFirstCommand) {
