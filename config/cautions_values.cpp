@@ -23,6 +23,7 @@ constexpr double kTellsAll = 0.98;      // of the speed that a drive can tell
 constexpr double kHeaviest_kg = 500, kLeastGravity = 1, kMostGravity = 20;
 constexpr double kFallen = 1.3;          // rad, of a base
 constexpr double kSlowestObserver = 10;  // rad/s
+constexpr double kLeastInertia = 1e-7;   // kg m^2, of a small servo's rotor
 constexpr double kHalf = 0.5;
 
 class Cautions {
@@ -139,6 +140,8 @@ void of_gains(Cautions& cautions) {
         return joint.kp > 0 && joint.kd > 0 && joint.kd < 2 * kLeastDamping * std::sqrt(joint.kp * joint.inertia);
       },
       "gains.kd damps the position loop by less than 5 % of critical; it rings");
+  cautions.of_joints([](const Joint& joint) { return joint.inertia < kLeastInertia && joint.kind == JointKind::hinge; },
+                     "inertia below 1e-7 kgm2, less than any motor's: does its link weigh nothing?");
   cautions.of_joints([](const Joint& joint) { return joint.inertia > kCoasts_s * joint.damping; },
                      "gains.damping is so low that a damped joint coasts for seconds; raise it");
   cautions.of_joints([](const Joint& joint) { return joint.observer_bandwidth < kSlowestObserver; },

@@ -375,6 +375,16 @@ std::string range_remark(const std::vector<ImportedJoint>& joints, const ImportO
       without, kMadeUpWay);
 }
 
+// Of joints of which a model says no torque; empty: there are none.
+std::string torque_remark(const std::vector<ImportedJoint>& joints, const ImportOptions& options) {
+  std::string without;
+  for (const ImportedJoint& joint : joints)
+    if (joint.is_in_model && !joint.known.torque) without += (without.empty() ? "" : ", ") + joint.name;
+  if (without.empty() || !options.simulated || !options.policy_file.empty()) return {};
+  return fmt::format("without a torque in the model: {}. limits.torque {:g} Nm is made up; write the drive's", without,
+                     kMadeUpTorque);
+}
+
 // What a simulated robot's drive can do there.
 struct MadeUpMotion {
   double velocity, acceleration;
@@ -657,7 +667,8 @@ std::expected<std::string, std::string> import_deploy_file(const DeployFile& dep
     return std::unexpected(
         "a simulated robot needs the policy's period, which this export does not say; name it by --period");
   const std::vector<ImportedJoint> imported = joints_of(deploy, options);
-  if (std::string remark = range_remark(imported, options); !remark.empty()) remarks.push_back(std::move(remark));
+  for (std::string remark : {range_remark(imported, options), torque_remark(imported, options)})
+    if (!remark.empty()) remarks.push_back(std::move(remark));
   return header_text(deploy, options, remarks) + defaults_text(imported, options) +
          joints_text(imported, deploy, options) +
          (options.policy_file.empty()

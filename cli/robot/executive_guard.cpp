@@ -50,6 +50,11 @@ std::expected<void, Refusal> require_no_executive(const std::vector<std::string>
   return {};
 }
 
+std::string_view steps_to_disarm(Mode mode) {
+  const bool stands = mode == Mode::damped_stop || mode == Mode::fault_latched;
+  return stands ? "`takt reset`, once it rests" : "`takt stop`, then `takt reset`";
+}
+
 std::expected<void, Refusal> require_disarmed(const std::vector<std::string>& runtime_directories) {
   for (const std::string& directory : runtime_directories) {
     const auto answer = ask_status(directory);
@@ -59,8 +64,8 @@ std::expected<void, Refusal> require_disarmed(const std::vector<std::string>& ru
                                    directory, answer->error()));
     const auto& tick = (*answer)->status.tick;
     if (tick.drives_enabled != 0)
-      return not_alone(fmt::format("the robot in {} is armed, mode {}: `takt stop`, then `takt reset`, first",
-                                   directory, name(tick.mode)));
+      return not_alone(fmt::format("the robot in {} is armed, mode {}: {}, first", directory, name(tick.mode),
+                                   steps_to_disarm(tick.mode)));
   }
   return {};
 }

@@ -6,11 +6,16 @@
 
 #include <expected>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "cli/command.hpp"
+#include "executive/contract/mode.hpp"
 
 namespace takt::cli {
+
+// Of a robot whose drives have power. Never a second press of the stop, which would take it: what hangs would fall.
+std::string_view steps_to_disarm(Mode mode);
 
 // Refused while one runs: two masters on one bus fight over its drives.
 std::expected<void, Refusal> require_no_executive(const std::vector<std::string>& runtime_directories);

@@ -11,6 +11,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <sstream>
 #include <utility>
 
 #include "cli/command.hpp"
@@ -213,6 +214,16 @@ int write_new(const std::string& path, const std::string& text) {
   return refuse(kExitFailed, fmt::format("{} cannot be written; is its disk full? choose another -o", path));
 }
 
+// Those of the model and the export, and what the file says besides, each once.
+void tell(std::vector<std::string> remarks, const std::string& robot) {
+  constexpr std::string_view kNote = "# Note: ";
+  std::istringstream lines(robot);
+  for (std::string line; std::getline(lines, line) && line.starts_with('#');)
+    if (line.starts_with(kNote) && std::ranges::find(remarks, line.substr(kNote.size())) == remarks.end())
+      remarks.push_back(line.substr(kNote.size()));
+  for (const std::string& remark : remarks) note("note", remark);
+}
+
 int import(Given given) {
   if (given.policy_file.empty() && !is_policy(given))
     return refuse(kExitUsage, "--policy is missing: this export does not name its ONNX file");
@@ -252,7 +263,7 @@ int import(Given given) {
   if (!robot) return refuse(kExitUsage, robot.error());
   if (const int refused = write_new(given.out, *robot); refused != kExitOk) return refused;
   for (const std::string& dropped : deploy->notes) note("not carried over", dropped);
-  for (const std::string& remark : remarks) note("note", remark);
+  tell(std::move(remarks), *robot);
   fmt::print("{}: {} joints, {} observation terms; {} to replace, then: takt config check {}\n",
              config::printable(given.out), deploy->robot_joint.size(), deploy->terms.size(), unfilled_in(*robot),
              config::printable(given.out));
@@ -279,7 +290,7 @@ int make_new(Given given) {
                                              .simulated = given.simulated});
   if (!robot) return refuse(kExitUsage, robot.error());
   if (const int refused = write_new(given.out, *robot); refused != kExitOk) return refused;
-  for (const std::string& remark : model->remarks) note("note", remark);
+  tell(model->remarks, *robot);
   fmt::print("{}: {} joints, no policy; {} to replace, then: takt config check {}\n", config::printable(given.out),
              model->joints.size(), unfilled_in(*robot), config::printable(given.out));
   return kExitOk;

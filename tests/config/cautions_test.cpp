@@ -35,6 +35,7 @@ const Danger kDangers[] = {
        r.policy->action.scale = {100};
      }},
     {"gains.kd damps", [](RobotConfig& r) { r.joints[0].kd = 1e-3; }},
+    {"inertia below", [](RobotConfig& r) { r.joints[0].inertia = 1e-9; }},
     {"gains.damping", [](RobotConfig& r) { r.joints[0].damping = 1e-3; }},
     {"observer_bandwidth", [](RobotConfig& r) { r.joints[0].observer_bandwidth = 2; }},
     {"limits.torque cannot give", [](RobotConfig& r) { r.joints[0].inertia *= 100; }},

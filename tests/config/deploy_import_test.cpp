@@ -444,6 +444,18 @@ TEST(DeployImport, AJointThatTurnsWithoutEndIsNamed) {
       << import_with(model, true).value();
 }
 
+// Goal: a torque is not made up without a word. Method: a robot of a model alone that says none of one of two hinges.
+TEST(DeployImport, ATorqueThatTheModelDoesNotSayIsNamed) {
+  ImportOptions options{.robot = "two", .policy_file = {}, .joint_names = {}, .source = "two.urdf"};
+  options.model = two_hinges();
+  options.model_file = "two.urdf";
+  options.simulated = true;
+  EXPECT_EQ(robot_of_model(options).value().find("without a torque"), std::string::npos);
+  options.model->joints[1].torque.reset();
+  EXPECT_NE(robot_of_model(options).value().find("# Note: without a torque in the model: knee. limits.torque 200 Nm"),
+            std::string::npos);
+}
+
 // Goal: an offset of a slide is a length. Method: the second joint slides; the file's offsets are not its pose.
 TEST(DeployImport, AnOffsetIsInItsJointsUnit) {
   ModelFacts model = two_hinges();

@@ -52,5 +52,13 @@ TEST_F(ExecutiveGuard, OneThatDoesNotAnswerIsNotDisturbed) {
       << disarmed.error().sentence;
 }
 
+// Goal: no command tells a person to press the stop of a robot that is stopped: that takes its power.
+TEST(StepsToDisarm, AskForNoSecondPress) {
+  for (const Mode stands : {Mode::damped_stop, Mode::fault_latched})
+    EXPECT_EQ(steps_to_disarm(stands).find("stop"), std::string_view::npos);
+  for (const Mode armed : {Mode::arming, Mode::tracking, Mode::degraded})
+    EXPECT_NE(steps_to_disarm(armed).find("takt stop"), std::string_view::npos);
+}
+
 }  // namespace
 }  // namespace takt::cli
