@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "tests/executive/ipc/rendezvous_server_thread.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::ipc {
 namespace {
@@ -65,8 +66,8 @@ class Child {
 };
 
 TEST(RendezvousProcess, LeaseNamesTheChildAndIsFreeOnceItIsKilled) {
-  const TemporaryDirectory directory;
-  const std::string path = directory / "executive.sock";
+  const test::TemporaryDirectory directory;
+  const std::string path = directory.path("executive.sock");
   auto listening = RendezvousServer::listen(path, geteuid(), admit_all());
   ASSERT_TRUE(listening);
   for (int round = 0; round < 5; ++round) {
@@ -86,8 +87,8 @@ TEST(RendezvousProcess, LeaseNamesTheChildAndIsFreeOnceItIsKilled) {
 }
 
 TEST(RendezvousProcess, KilledServersSocketIsTakenOver) {
-  const TemporaryDirectory directory;
-  const std::string path = directory / "executive.sock";
+  const test::TemporaryDirectory directory;
+  const std::string path = directory.path("executive.sock");
   Child server([&] { return RendezvousServer::listen(path, geteuid(), admit_all()); });
   ASSERT_TRUE(server.is_ready());
   EXPECT_FALSE(RendezvousServer::listen(path, geteuid(), admit_all())) << "it lives";

@@ -21,6 +21,7 @@
 #include "executive/ipc/segment.hpp"
 #include "executive/ipc/unix_socket.hpp"
 #include "tests/executive/ipc/rendezvous_server_thread.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::ipc {
 namespace {
@@ -76,18 +77,18 @@ class Rendezvous : public testing::Test {
   void let_everybody_in() {
     std::filesystem::permissions(path_, std::filesystem::perms::all);
     for (const char* open : {"", "/run", "/run/arm"})
-      std::filesystem::permissions(directory_ / open, std::filesystem::perms::all);
+      std::filesystem::permissions(directory_.path(open), std::filesystem::perms::all);
   }
 
-  TemporaryDirectory directory_;
-  std::string path_ = directory_ / "run/arm/executive.sock";
+  test::TemporaryDirectory directory_;
+  std::string path_ = directory_.path("run/arm/executive.sock");
 };
 
 TEST_F(Rendezvous, MakesItsDirectoryAndCleansUp) {
   {
     const ServerThread server(path_, admit_all());
     struct stat status {};
-    ASSERT_EQ(stat((directory_ / "run/arm").c_str(), &status), 0);
+    ASSERT_EQ(stat(directory_.path("run/arm").c_str(), &status), 0);
     EXPECT_EQ(status.st_mode & 0777, 0750U);
     ASSERT_EQ(lstat(path_.c_str(), &status), 0);
     EXPECT_EQ(status.st_mode & 0777, 0660U);
@@ -96,7 +97,7 @@ TEST_F(Rendezvous, MakesItsDirectoryAndCleansUp) {
 }
 
 TEST_F(Rendezvous, ReplacesADeadServersSocketButRespectsALiveOne) {
-  std::filesystem::create_directories(directory_ / "run/arm");
+  std::filesystem::create_directories(directory_.path("run/arm"));
   { const auto dead = listen_at(path_); }  // closed without unlinking, as a killed process leaves it
   ASSERT_TRUE(std::filesystem::exists(path_));
   const ServerThread server(path_, admit_all());
@@ -110,24 +111,24 @@ TEST_F(Rendezvous, ReplacesADeadServersSocketButRespectsALiveOne) {
 // the policy's group could do it for ever; the lock in use is its owner's alone.
 // Threat: user-locks-robot
 TEST_F(Rendezvous, ALockOnTheDirectoryKeepsNoServerFromStarting) {
-  std::filesystem::create_directories(directory_ / "run/arm");
-  const Descriptor held(open((directory_ / "run/arm").c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  std::filesystem::create_directories(directory_.path("run/arm"));
+  const Descriptor held(open(directory_.path("run/arm").c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   ASSERT_EQ(flock(held.get(), LOCK_EX | LOCK_NB), 0);
   const ServerThread server(path_, admit_all());
   EXPECT_TRUE(attach(path_, hello_of(Role::policy), kTimeout));
   struct stat status {};
-  ASSERT_EQ(lstat((directory_ / "run/arm/.lock").c_str(), &status), 0);
+  ASSERT_EQ(lstat(directory_.path("run/arm/.lock").c_str(), &status), 0);
   EXPECT_EQ(status.st_mode & 0777, 0600U);
 }
 
 // A server that root started leaves the directory's owner a lock that it can open.
 TEST_F(Rendezvous, TheLockIsTheDirectorysOwners) {
   if (geteuid() != 0) GTEST_SKIP() << "NOT TESTED: only root gives files away";
-  std::filesystem::create_directories(directory_ / "run/arm");
-  ASSERT_EQ(chown((directory_ / "run/arm").c_str(), kPolicyUser, kPolicyUser), 0);
+  std::filesystem::create_directories(directory_.path("run/arm"));
+  ASSERT_EQ(chown(directory_.path("run/arm").c_str(), kPolicyUser, kPolicyUser), 0);
   { const ServerThread server(path_, admit_all()); }
   struct stat status {};
-  ASSERT_EQ(lstat((directory_ / "run/arm/.lock").c_str(), &status), 0);
+  ASSERT_EQ(lstat(directory_.path("run/arm/.lock").c_str(), &status), 0);
   EXPECT_EQ(status.st_uid, kPolicyUser);
 }
 
@@ -145,7 +146,7 @@ TEST_F(Rendezvous, LeavesForeignFilesAndSuccessorsAlone) {
 }
 
 TEST_F(Rendezvous, TooLongPathIsRefusedWithItsLength) {
-  const auto server = RendezvousServer::listen(directory_ / std::string(120, 'x'), geteuid(), admit_all());
+  const auto server = RendezvousServer::listen(directory_.path(std::string(120, 'x')), geteuid(), admit_all());
   ASSERT_FALSE(server);
   EXPECT_TRUE(contains(server.error(), "--runtime-dir")) << server.error();
 }
@@ -643,7 +644,7 @@ TEST_F(Rendezvous, ClientSaysWhatIsWrongWithoutAServer) {
 // Goal: a server's refusal is a sentence for a terminal, whichever process serves. Method: one that moves the cursor,
 // has no end and is no UTF-8; and one without a word.
 TEST_F(Rendezvous, ClientShowsNoRefusalThatATerminalObeys) {
-  std::filesystem::create_directories(directory_ / "run/arm");
+  std::filesystem::create_directories(directory_.path("run/arm"));
   const auto listener = listen_at(path_);
   ASSERT_TRUE(listener) << listener.error();
   const auto refused_with = [&](const Welcome& welcome) {

@@ -12,14 +12,14 @@
 #include <filesystem>
 #include <thread>
 
+#include "tests/support/temporary_directory.hpp"
+
 namespace takt::ipc {
 namespace {
 
 class StopLineTest : public testing::Test {
  protected:
-  StopLineTest() { EXPECT_NE(mkdtemp(directory_.data()), nullptr); }
-  ~StopLineTest() override { std::filesystem::remove_all(directory_); }
-  [[nodiscard]] std::string path() const { return stop_socket_beside(directory_ + "/executive.sock"); }
+  [[nodiscard]] std::string path() const { return stop_socket_beside(directory_.path("executive.sock")); }
   void send_raw(const void* what, std::size_t size) const {
     const Descriptor socket(::socket(AF_UNIX, SOCK_DGRAM, 0));
     sockaddr_un address{};
@@ -29,7 +29,7 @@ class StopLineTest : public testing::Test {
               static_cast<ssize_t>(size));
   }
 
-  std::string directory_ = testing::TempDir() + "takt-stop-XXXXXX";
+  const test::TemporaryDirectory directory_;
 };
 
 TEST_F(StopLineTest, EachStopCrosses) {
@@ -82,7 +82,7 @@ TEST_F(StopLineTest, ItIsForOurOwnUserAndGoesWithItsOwner) {
 }
 
 TEST_F(StopLineTest, WhatADeadPredecessorLeftIsReplaced) {
-  { std::filesystem::create_directory(directory_ + "/keep"); }
+  { std::filesystem::create_directory(directory_.path("keep")); }
   const Descriptor dead(socket(AF_UNIX, SOCK_DGRAM, 0));
   sockaddr_un address{};
   address.sun_family = AF_UNIX;

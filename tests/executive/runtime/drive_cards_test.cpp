@@ -14,6 +14,7 @@
 #include "drivers/bus/can_frame.hpp"
 #include "drivers/protocol/seen_angle.hpp"
 #include "executive/runtime/published_segments.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::runtime {
 namespace {
@@ -21,8 +22,6 @@ namespace {
 class DriveCardsTest : public testing::Test {
  protected:
   DriveCardsTest() {
-    std::string pattern = std::filesystem::temp_directory_path() / "takt-drive-cards-XXXXXX";
-    directory_ = mkdtemp(pattern.data());
     robot_.robot = "two_rollers";
     robot_.sha256 = "abc";
     robot_.buses.push_back({.name = "left", .interface = "can0", .bitrate = 1'000'000});
@@ -40,7 +39,6 @@ class DriveCardsTest : public testing::Test {
     robot_.joints[1].drive.watchdog_waiver = "seen to stop";
     robot_.joints[1].drive.identity = "00C0FFEE:12345678";
   }
-  ~DriveCardsTest() override { std::filesystem::remove_all(directory_); }
 
   void publish(std::uint8_t bus, std::uint32_t type_and_data, std::uint32_t target, std::array<std::uint8_t, 8> bytes,
                FrameDirection direction = FrameDirection::received) {
@@ -57,7 +55,7 @@ class DriveCardsTest : public testing::Test {
     publish(bus, 5, 0xFE, {0x00, 0xC0, 0xFF, 0xEE, 0x12, 0x34, 0x56, last});
   }
   nlohmann::json file() const {
-    std::ifstream in(directory_ + "/drives.json");
+    std::ifstream in(directory_.path("drives.json"));
     return nlohmann::json::parse(in, nullptr, false);
   }
   nlohmann::json fact(std::size_t joint, const std::string& name) const {
@@ -67,14 +65,14 @@ class DriveCardsTest : public testing::Test {
     return {};
   }
 
-  std::string directory_;
+  const test::TemporaryDirectory directory_;
   config::RobotConfig robot_;
   PublishedSegments published_ = PublishedSegments::create(2).value();
   std::int64_t stamp_ = 0;
 };
 
 TEST_F(DriveCardsTest, SaysFromTheStartThatNothingIsKnown) {
-  const DriveCards cards(robot_, published_.frame_reader(), directory_);
+  const DriveCards cards(robot_, published_.frame_reader(), directory_.path());
   const auto json = file();
   EXPECT_EQ(json.at("schema"), "takt.drives/1");
   EXPECT_EQ(json.at("robot"), "two_rollers");
@@ -91,7 +89,7 @@ TEST_F(DriveCardsTest, SaysFromTheStartThatNothingIsKnown) {
 }
 
 TEST_F(DriveCardsTest, KeepsWhatEachDriveSaid) {
-  DriveCards cards(robot_, published_.frame_reader(), directory_);
+  DriveCards cards(robot_, published_.frame_reader(), directory_.path());
   tell_timeout(0);
   tell_identity(1, 0x79);
   cards.catch_up();
@@ -104,7 +102,7 @@ TEST_F(DriveCardsTest, KeepsWhatEachDriveSaid) {
 }
 
 TEST_F(DriveCardsTest, OurOwnWordsTellNothing) {
-  DriveCards cards(robot_, published_.frame_reader(), directory_);
+  DriveCards cards(robot_, published_.frame_reader(), directory_.path());
   publish(0, 17U << 16U | 5, 253, {0x28, 0x70, 0, 0, 0xD0, 0x07, 0, 0}, FrameDirection::sent);
   publish(0, 17U << 16U | 5, 253, {0x28, 0x70, 0, 0, 0xD0, 0x07, 0, 0}, FrameDirection::refused);
   cards.catch_up();
@@ -112,13 +110,13 @@ TEST_F(DriveCardsTest, OurOwnWordsTellNothing) {
 }
 
 TEST_F(DriveCardsTest, IsWrittenOnlyWhenACardChanges) {
-  DriveCards cards(robot_, published_.frame_reader(), directory_);
+  DriveCards cards(robot_, published_.frame_reader(), directory_.path());
   tell_timeout(0);
   cards.catch_up();
-  std::filesystem::remove(directory_ + "/drives.json");
+  std::filesystem::remove(directory_.path("drives.json"));
   tell_timeout(0);
   cards.catch_up();
-  EXPECT_FALSE(std::filesystem::exists(directory_ + "/drives.json")) << "known already";
+  EXPECT_FALSE(std::filesystem::exists(directory_.path("drives.json"))) << "known already";
   tell_timeout(1);
   cards.catch_up();
   EXPECT_EQ(fact(1, "watchdog").at("value"), "100 ms");
@@ -126,22 +124,22 @@ TEST_F(DriveCardsTest, IsWrittenOnlyWhenACardChanges) {
 
 // No drive tells its gear: the word of the person who watched it is the card's, until the file has another scale.
 TEST_F(DriveCardsTest, HasWhatAPersonSawOfAScale) {
-  ASSERT_TRUE(drivers::keep_seen_angle(directory_, robot_, 1, drivers::SeenAngle{0.0873, 0.0890, "2026-11-28"}));
+  ASSERT_TRUE(drivers::keep_seen_angle(directory_.path(), robot_, 1, drivers::SeenAngle{0.0873, 0.0890, "2026-11-28"}));
   {
-    const DriveCards cards(robot_, published_.frame_reader(), directory_);
+    const DriveCards cards(robot_, published_.frame_reader(), directory_.path());
     EXPECT_EQ(fact(1, "scale").at("value"), "+5.1 deg seen where the drive told +5.0 deg, 2026-11-28");
     EXPECT_EQ(fact(1, "scale").at("source"), "takt joint jog");
     EXPECT_EQ(fact(1, "scale").at("verdict"), "agrees");
     EXPECT_TRUE(fact(0, "scale").is_null()) << "of the other joint no one said anything";
   }
   robot_.joints[1].drive.gear_ratio = 3;
-  const DriveCards cards(robot_, published_.frame_reader(), directory_);
+  const DriveCards cards(robot_, published_.frame_reader(), directory_.path());
   EXPECT_TRUE(fact(1, "scale").is_null());
 }
 
 TEST_F(DriveCardsTest, GoesWithTheExecutive) {
-  { const DriveCards cards(robot_, published_.frame_reader(), directory_); }
-  EXPECT_FALSE(std::filesystem::exists(directory_ + "/drives.json"));
+  { const DriveCards cards(robot_, published_.frame_reader(), directory_.path()); }
+  EXPECT_FALSE(std::filesystem::exists(directory_.path("drives.json")));
 }
 
 }  // namespace

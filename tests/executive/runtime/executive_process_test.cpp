@@ -21,6 +21,8 @@
 #include "executive/runtime/service_manager.hpp"
 #include "tests/executive/runtime/holding_policy.hpp"
 #include "tests/executive/runtime/simulated_drives.hpp"
+#include "tests/support/files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::runtime::test {
 namespace {
@@ -30,16 +32,13 @@ using testing::HasSubstr;
 
 class ExecutiveTest : public testing::Test {
  protected:
-  ExecutiveTest() { EXPECT_NE(mkdtemp(directory_.data()), nullptr); }
-  ~ExecutiveTest() override { std::filesystem::remove_all(directory_); }
-
-  void connect_drives() { drives_ = std::make_unique<SimulatedDrives>(robot_, directory_); }
+  void connect_drives() { drives_ = std::make_unique<SimulatedDrives>(robot_, directory_.path()); }
   ExecutiveProcess start(std::vector<std::string> extra = {"--allow-non-realtime"}) const {
-    std::vector<std::string> arguments{"--robot", robot_file_, "--runtime-dir", directory_};
+    std::vector<std::string> arguments{"--robot", robot_file_, "--runtime-dir", directory_.path()};
     arguments.insert(arguments.end(), extra.begin(), extra.end());
     return ExecutiveProcess(arguments);
   }
-  [[nodiscard]] std::string socket_path() const { return config::executive_socket(directory_); }
+  [[nodiscard]] std::string socket_path() const { return config::executive_socket(directory_.path()); }
   [[nodiscard]] bool until(const std::function<bool(const StatusSnapshot&)>& holds) const {
     for (int i = 0; i < 2000; ++i) {
       if (const auto reply = ipc::ask(socket_path(), OperatorVerb::status, 5s); reply && holds(reply->status))
@@ -63,11 +62,11 @@ class ExecutiveTest : public testing::Test {
   void need_no_recorder() {
     const config::Override changes[] = {{"record.recorder", "optional"}, {"policy.file", robot_.policy->file}};
     robot_ = config::with_overrides(robot_, changes).value();
-    robot_file_ = directory_ + "/arm6.yaml";
+    robot_file_ = directory_.path("arm6.yaml");
     std::ofstream(robot_file_) << robot_.resolved;
   }
 
-  std::string directory_ = testing::TempDir() + "takt-executive-XXXXXX";
+  const takt::test::TemporaryDirectory directory_;
   std::string robot_file_ = "config/arm6.yaml";
   config::RobotConfig robot_ = config::load("config/arm6.yaml").value();
   std::unique_ptr<SimulatedDrives> drives_;
@@ -79,14 +78,14 @@ TEST_F(ExecutiveTest, AWrongCommandLineIsExit64) {
 }
 
 TEST_F(ExecutiveTest, ABadConfigurationIsExit65AndNothingIsStarted) {
-  const std::string file = directory_ + "/bad.yaml";
+  const std::string file = directory_.path("bad.yaml");
   std::ofstream(file) << "schema: takt.robot/1\nrobot: x\nno_such_key: 1\n";
   connect_drives();
-  ExecutiveProcess executive({"--robot", file, "--runtime-dir", directory_, "--allow-non-realtime"});
+  ExecutiveProcess executive({"--robot", file, "--runtime-dir", directory_.path(), "--allow-non-realtime"});
   EXPECT_EQ(executive.wait(), 65);
   EXPECT_THAT(executive.errors(), HasSubstr("bad.yaml:3:1: "));
   EXPECT_FALSE(std::filesystem::exists(socket_path()));
-  EXPECT_FALSE(std::filesystem::exists(directory_ + "/executive.json"));
+  EXPECT_FALSE(std::filesystem::exists(directory_.path("executive.json")));
   EXPECT_EQ(drives_->frames(), 0U);
 }
 
@@ -99,7 +98,7 @@ TEST_F(ExecutiveTest, AMissingBusIsExit69AndNamesIt) {
 
 TEST_F(ExecutiveTest, WithoutRealTimeRightsItRefusesWithExit71AndSaysHowToMendIt) {
   connect_drives();
-  ExecutiveProcess executive({"--robot", "config/arm6.yaml", "--runtime-dir", directory_}, Rights::none);
+  ExecutiveProcess executive({"--robot", "config/arm6.yaml", "--runtime-dir", directory_.path()}, Rights::none);
   EXPECT_EQ(executive.wait(), 71);
   EXPECT_THAT(executive.errors(), HasSubstr("--allow-non-realtime"));
   EXPECT_THAT(executive.errors(), HasSubstr("sched_fifo: "));
@@ -110,11 +109,11 @@ TEST_F(ExecutiveTest, WithoutRealTimeRightsItRefusesWithExit71AndSaysHowToMendIt
 
 TEST_F(ExecutiveTest, AllowedToRunWithoutRealTimeItSaysSoEverywhere) {
   connect_drives();
-  ExecutiveProcess executive({"--robot", "config/arm6.yaml", "--runtime-dir", directory_, "--allow-non-realtime"},
-                             Rights::none);
+  ExecutiveProcess executive(
+      {"--robot", "config/arm6.yaml", "--runtime-dir", directory_.path(), "--allow-non-realtime"}, Rights::none);
   ASSERT_TRUE(until_ticking());
   EXPECT_EQ(ipc::ask(socket_path(), OperatorVerb::status, 5s)->status.realtime, 0);
-  const auto facts = nlohmann::json::parse(std::ifstream(directory_ + "/executive.json"));
+  const auto facts = nlohmann::json::parse(std::ifstream(directory_.path("executive.json")));
   EXPECT_EQ(facts.at("realtime"), false);
   EXPECT_EQ(facts.at("allow_non_realtime"), true);
   executive.signal(SIGTERM);
@@ -126,13 +125,12 @@ TEST_F(ExecutiveTest, ItWritesDownWhatItIsAndRemovesItWhenItEnds) {
   connect_drives();
   ExecutiveProcess executive = start();
   ASSERT_TRUE(until_ticking());
-  const auto facts = nlohmann::json::parse(std::ifstream(directory_ + "/executive.json"));
+  const auto facts = nlohmann::json::parse(std::ifstream(directory_.path("executive.json")));
   EXPECT_EQ(facts.at("schema"), "takt.executive/1");
   EXPECT_EQ(facts.at("pid"), executive.pid());
   EXPECT_EQ(facts.at("config_sha256"), robot_.sha256);
   EXPECT_EQ(facts.at("recorder"), "required");
-  std::ifstream program(TAKT_BIN_DIR "/takt-executive", std::ios::binary);
-  EXPECT_EQ(facts.at("binary_sha256"), config::sha256_hex(std::string{std::istreambuf_iterator<char>(program), {}}));
+  EXPECT_EQ(facts.at("binary_sha256"), config::sha256_hex(takt::test::text_of(TAKT_BIN_DIR "/takt-executive")));
   EXPECT_EQ(facts.at("buses").size(), robot_.buses.size());
   EXPECT_THAT(facts.at("buses")[0].at("description").get<std::string>(), HasSubstr("loopback"));
   std::set<std::string> steps;
@@ -142,7 +140,7 @@ TEST_F(ExecutiveTest, ItWritesDownWhatItIsAndRemovesItWhenItEnds) {
   executive.signal(SIGTERM);
   EXPECT_EQ(executive.wait(), 0);
   EXPECT_FALSE(std::filesystem::exists(socket_path()));
-  EXPECT_FALSE(std::filesystem::exists(directory_ + "/executive.json"));
+  EXPECT_FALSE(std::filesystem::exists(directory_.path("executive.json")));
 }
 
 TEST_F(ExecutiveTest, ASecondOneIsRefusedAndTheFirstIsUndisturbed) {
@@ -152,7 +150,7 @@ TEST_F(ExecutiveTest, ASecondOneIsRefusedAndTheFirstIsUndisturbed) {
   ExecutiveProcess second = start();
   EXPECT_EQ(second.wait(), 71);
   EXPECT_THAT(second.errors(), HasSubstr("executive.sock"));
-  EXPECT_TRUE(std::filesystem::exists(directory_ + "/executive.json"));
+  EXPECT_TRUE(std::filesystem::exists(directory_.path("executive.json")));
   first.signal(SIGINT);
   EXPECT_EQ(first.wait(), 0);
 }
@@ -164,8 +162,8 @@ TEST_F(ExecutiveTest, AnInterfaceThatSomebodyHasIsRefusedWhateverTheRuntimeDirec
   ASSERT_NE(text.find(interface), std::string::npos);
   text.replace(text.find(interface), interface.size(), "interface: lo");
   const std::string policy = std::filesystem::path(robot_.policy->file).filename();
-  std::filesystem::copy(robot_.policy->file, directory_ + "/" + policy);
-  robot_file_ = directory_ + "/arm6.yaml";
+  std::filesystem::copy(robot_.policy->file, directory_.path(policy));
+  robot_file_ = directory_.path("arm6.yaml");
   std::ofstream(robot_file_) << text;
   std::optional claim = drivers::InterfaceClaim::make("lo");
   ASSERT_TRUE(*claim) << claim->error();
@@ -208,7 +206,7 @@ TEST_F(ExecutiveTest, SigtermWhileTrackingStopsTheRobotAndDisablesItsDrives) {
 
 TEST_F(ExecutiveTest, TheServiceManagerHearsReadyPingsAndStopping) {
   connect_drives();
-  const std::string path = directory_ + "/notify";
+  const std::string path = directory_.path("notify");
   const ipc::Descriptor notify(socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   sockaddr_un address{};
   address.sun_family = AF_UNIX;

@@ -12,7 +12,6 @@
 #include <unistd.h>
 
 #include <condition_variable>
-#include <filesystem>
 #include <functional>
 #include <mutex>
 
@@ -24,6 +23,7 @@
 #include "executive/setup/tick_config_of.hpp"
 #include "tests/executive/runtime/holding_policy.hpp"
 #include "tests/executive/runtime/simulated_drives.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define TAKT_SANITIZED 1
@@ -137,14 +137,13 @@ class LoopGuard : public testing::Test {
 #endif
   }
   Outcome run(const std::function<void()>& trouble) {
-    std::string directory = testing::TempDir() + "takt-guard-XXXXXX";
-    EXPECT_NE(mkdtemp(directory.data()), nullptr);
+    const takt::test::TemporaryDirectory directory;
     int pipe_ends[2];
     EXPECT_EQ(pipe(pipe_ends), 0);
     const pid_t child = fork();
     if (child == 0) {
       alarm(60);
-      run_guarded(directory, trouble, pipe_ends[1]);
+      run_guarded(directory.path(), trouble, pipe_ends[1]);
     }
     close(pipe_ends[1]);
     Outcome outcome;
@@ -153,7 +152,6 @@ class LoopGuard : public testing::Test {
     int status = 0;
     waitpid(child, &status, 0);
     EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << "the child ended with " << status;
-    std::filesystem::remove_all(directory);
     return outcome;
   }
 };

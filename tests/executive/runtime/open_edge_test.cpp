@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
-#include <filesystem>
 #include <thread>
 
 #include "config/load.hpp"
@@ -14,6 +13,7 @@
 #include "drivers/protocol/home_note.hpp"
 #include "executive/contract/exit_codes.hpp"
 #include "tests/executive/runtime/simulated_drives.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::runtime::test {
 namespace {
@@ -47,23 +47,21 @@ class Stranger {
 
 class OpenEdgeTest : public testing::Test {
  protected:
-  OpenEdgeTest() { EXPECT_NE(mkdtemp(directory_.data()), nullptr); }
-  ~OpenEdgeTest() override { std::filesystem::remove_all(directory_); }
   [[nodiscard]] std::string hub(std::size_t bus) const {
-    return config::loopback_socket(directory_, robot_.buses[bus].interface);
+    return config::loopback_socket(directory_.path(), robot_.buses[bus].interface);
   }
 
-  std::string directory_ = testing::TempDir() + "takt-edge-XXXXXX";
+  const takt::test::TemporaryDirectory directory_;
   config::RobotConfig robot_ = config::load("config/arm6.yaml").value();
 };
 
 // Threat: second-controller
 TEST_F(OpenEdgeTest, ASecondControllerIsHeardBeforeTheFirstFrame) {
-  const SimulatedDrives drives(robot_, directory_);
+  const SimulatedDrives drives(robot_, directory_.path());
   const std::size_t last = robot_.joints.size() - 1;
   const config::Joint& joint = robot_.joints[last];
   const Stranger stranger(hub(joint.bus), joint.drive.id);
-  const auto opened = open_edge(robot_, directory_, 5s);
+  const auto opened = open_edge(robot_, directory_.path(), 5s);
   ASSERT_FALSE(opened);
   EXPECT_EQ(opened.error().exit_code, kExitSetUpRefused);
   EXPECT_TRUE(opened.error().sentence.starts_with(robot_.buses[joint.bus].interface + ": ")) << opened.error().sentence;
@@ -71,9 +69,9 @@ TEST_F(OpenEdgeTest, ASecondControllerIsHeardBeforeTheFirstFrame) {
 }
 
 TEST_F(OpenEdgeTest, DrivesThatSpeakUnaskedAreNoController) {
-  const SimulatedDrives drives(robot_, directory_);
+  const SimulatedDrives drives(robot_, directory_.path());
   const Stranger drive(hub(robot_.joints[0].bus), robot_.joints[0].drive.reply_id);
-  const auto opened = open_edge(robot_, directory_, 5s);
+  const auto opened = open_edge(robot_, directory_.path(), 5s);
   EXPECT_TRUE(opened) << opened.error().sentence;
 }
 
@@ -82,16 +80,16 @@ TEST_F(OpenEdgeTest, AStartThatFailsLeavesHomesSaid) {
   config::Drive& drive = robot_.joints[1].drive;
   drive.position_after_power_up = config::PositionAfterPowerUp::one_of_several;
   drive.places_per_turn = 9;
-  ASSERT_TRUE(drivers::write_home_note(directory_, robot_, 1, {.shift = 0.7, .left_at = 0.1}));
-  ASSERT_FALSE(open_edge(robot_, directory_, 0s)) << "no bus is there";
-  const auto left = drivers::take_home_notes(directory_, robot_);
+  ASSERT_TRUE(drivers::write_home_note(directory_.path(), robot_, 1, {.shift = 0.7, .left_at = 0.1}));
+  ASSERT_FALSE(open_edge(robot_, directory_.path(), 0s)) << "no bus is there";
+  const auto left = drivers::take_home_notes(directory_.path(), robot_);
   ASSERT_TRUE(left[1].has_value());
   EXPECT_EQ(left[1]->shift, 0.7);
-  EXPECT_FALSE(drivers::take_home_notes(directory_, robot_)[1].has_value()) << "it holds once";
+  EXPECT_FALSE(drivers::take_home_notes(directory_.path(), robot_)[1].has_value()) << "it holds once";
 }
 
 TEST_F(OpenEdgeTest, AMissingBusIsAnotherMatter) {
-  const auto opened = open_edge(robot_, directory_, 0s);
+  const auto opened = open_edge(robot_, directory_.path(), 0s);
   ASSERT_FALSE(opened);
   EXPECT_EQ(opened.error().exit_code, kExitUnavailable);
 }

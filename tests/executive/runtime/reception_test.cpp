@@ -6,7 +6,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <thread>
 
 #include "config/load.hpp"
@@ -18,6 +17,7 @@
 #include "executive/setup/tick_config_of.hpp"
 #include "tests/executive/runtime/holding_policy.hpp"
 #include "tests/executive/runtime/simulated_drives.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::runtime::test {
 namespace {
@@ -47,9 +47,8 @@ class ReceptionTest : public testing::Test {
     config_->late_share = 1;
     config_->freshness.max_age = seconds(2);
     config_->freshness.stop_after = seconds(3);
-    EXPECT_NE(mkdtemp(directory_.data()), nullptr);
-    drives_ = std::make_unique<SimulatedDrives>(robot_, directory_);
-    edge_ = std::make_unique<DriveEdge>(open_edge(robot_, directory_, 5s).value().edge);
+    drives_ = std::make_unique<SimulatedDrives>(robot_, directory_.path());
+    edge_ = std::make_unique<DriveEdge>(open_edge(robot_, directory_.path(), 5s).value().edge);
     loop_ = std::make_unique<CyclicLoop>(
         LoopParts{*config_, clock_, *edge_, mailboxes_, requests_, recorded_, published_, board_},
         LoopTiming{{}, {}, 1000});
@@ -75,10 +74,9 @@ class ReceptionTest : public testing::Test {
     control_.join();
     drives_.reset();
     reception_.reset();
-    std::filesystem::remove_all(directory_);
   }
 
-  [[nodiscard]] std::string path() const { return config::executive_socket(directory_); }
+  [[nodiscard]] std::string path() const { return config::executive_socket(directory_.path()); }
   [[nodiscard]] Hello hello(Role role) const {
     Hello hello;
     hello.role = role;
@@ -132,7 +130,7 @@ class ReceptionTest : public testing::Test {
     return reply.sentences;
   }
 
-  std::string directory_ = testing::TempDir() + "takt-reception-XXXXXX";
+  const takt::test::TemporaryDirectory directory_;
   config::RobotConfig robot_ = config::load("config/arm6.yaml").value();
   std::unique_ptr<pipeline::TickConfig> config_ =
       std::make_unique<pipeline::TickConfig>(config::tick_config_of(robot_, kPolicyHash));

@@ -17,6 +17,7 @@
 
 #include "config/load.hpp"
 #include "tests/executive/runtime/loop_rig.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::runtime::test {
 namespace {
@@ -27,11 +28,10 @@ constexpr int kFivePeriodsMs = 300;
 class ServiceTest : public testing::Test {
  protected:
   ServiceTest() {
-    EXPECT_NE(mkdtemp(directory_.data()), nullptr);
     notify_ = ipc::Descriptor(socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
     sockaddr_un address{};
     address.sun_family = AF_UNIX;
-    (directory_ + "/notify").copy(address.sun_path, sizeof address.sun_path - 1);
+    directory_.path("notify").copy(address.sun_path, sizeof address.sun_path - 1);
     EXPECT_EQ(bind(notify_.get(), reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
     setenv("NOTIFY_SOCKET", address.sun_path, 1);
     setenv("WATCHDOG_USEC", kWatchdogUsec, 1);
@@ -40,17 +40,17 @@ class ServiceTest : public testing::Test {
     rig_.buses[0]->on_send = [this] {
       while (hang_) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     };
-    reception_ = Reception::open(directory_ + "/executive.sock", {robot_,
-                                                                  rig_.config,
-                                                                  {},
-                                                                  rig_.published,
-                                                                  rig_.mailboxes,
-                                                                  rig_.requests,
-                                                                  rig_.recorded,
-                                                                  rig_.board,
-                                                                  follower_})
+    reception_ = Reception::open(directory_.path("executive.sock"), {robot_,
+                                                                     rig_.config,
+                                                                     {},
+                                                                     rig_.published,
+                                                                     rig_.mailboxes,
+                                                                     rig_.requests,
+                                                                     rig_.recorded,
+                                                                     rig_.board,
+                                                                     follower_})
                      .value();
-    cards_.emplace(robot_, rig_.published.frame_reader(), directory_);
+    cards_.emplace(robot_, rig_.published.frame_reader(), directory_.path());
     control_ = std::thread([this] { rig_.loop.run(EvidenceSource::open().value()); });
     service_ = std::thread(
         [this] { serve(*reception_, follower_, *cards_, rig_.board, rig_.requests, queues_, introduction_); });
@@ -63,7 +63,6 @@ class ServiceTest : public testing::Test {
     control_.join();
     unsetenv("NOTIFY_SOCKET");
     unsetenv("WATCHDOG_USEC");
-    std::filesystem::remove_all(directory_);
   }
   // The signal that ended the test before may have come after its service loop had ended already.
   static void drain_shutdown_signals() {
@@ -89,7 +88,7 @@ class ServiceTest : public testing::Test {
     return false;
   }
 
-  std::string directory_ = testing::TempDir() + "takt-service-XXXXXX";
+  const takt::test::TemporaryDirectory directory_;
   ipc::Descriptor notify_;
   config::RobotConfig robot_ = config::load("config/arm6.yaml").value();
   SystemClock clock_;
@@ -133,7 +132,7 @@ TEST_F(ServiceTest, ASignalIsAnnouncedAndReachesTheTick) {
 TEST_F(ServiceTest, ASocketThatIsTakenAwayIsSaidWithWhatStillStopsTheRobot) {
   ASSERT_TRUE(hear_this("READY=1"));
   std::string log;
-  std::filesystem::remove(directory_ + "/executive.sock");
+  std::filesystem::remove(directory_.path("executive.sock"));
   for (int i = 0; i < 100 && log.find("SIGTERM to process") == std::string::npos; ++i) {
     ::testing::internal::CaptureStdout();
     hear(100);
