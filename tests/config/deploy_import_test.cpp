@@ -9,7 +9,6 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <regex>
 #include <set>
@@ -18,6 +17,7 @@
 #include "config/model_import.hpp"
 #include "config/observation_shape.hpp"
 #include "tests/shared_files.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::config {
 namespace {
@@ -588,8 +588,7 @@ TEST(DeployImport, RefusesNamesThatDoNotFit) {
 TEST(DeployImport, UnitreeG1GivesTheModelsShape) {
   const char* path = "../shared/policies/g1_velocity/deploy.yaml";
   TAKT_NEEDS_SHARED(path);
-  std::ifstream file(path);
-  const auto robot = parse(filled_in(import(std::string{std::istreambuf_iterator<char>(file), {}})), "g1.yaml");
+  const auto robot = parse(filled_in(import(test::text_of(path))), "g1.yaml");
   ASSERT_TRUE(robot.has_value()) << robot.error();
   EXPECT_EQ(observation_width(*robot), 480U);
   EXPECT_EQ(outputs_per_step(*robot), 29U);

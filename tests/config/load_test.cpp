@@ -25,6 +25,8 @@
 #include "config/writer.hpp"
 #include "tests/config/refusals.hpp"
 #include "tests/config/small_robot.hpp"
+#include "tests/support/files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::config {
 namespace {
@@ -226,18 +228,13 @@ TEST(Load, AFileThatFailsToBeReadIsNamed) {
 // robot and one based on it, which changes a value in a section of a section, a whole list, and nothing else.
 class BasedOn : public testing::Test {
  protected:
-  BasedOn() {
-    std::string folder = testing::TempDir() + "based_on.XXXXXX";
-    folder_ = mkdtemp(folder.data());
-    write("base.yaml", kSmallRobot);
-  }
-  ~BasedOn() override { std::filesystem::remove_all(folder_); }
-  void write(const std::string& name, std::string_view text) { std::ofstream(folder_ / name) << text; }
+  BasedOn() { write("base.yaml", kSmallRobot); }
+  void write(const std::string& name, std::string_view text) { std::ofstream(folder_.path(name)) << text; }
   std::expected<RobotConfig, std::string> other(std::string_view text) {
     write("other.yaml", text);
-    return load((folder_ / "other.yaml").string());
+    return load(folder_.path("other.yaml"));
   }
-  std::filesystem::path folder_;
+  const takt::test::TemporaryDirectory folder_;
 };
 
 TEST_F(BasedOn, IsTheSameRobotAsOneWrittenOut) {
@@ -247,7 +244,7 @@ TEST_F(BasedOn, IsTheSameRobotAsOneWrittenOut) {
   std::string written_out = with("epsilon: 0.01", "epsilon: 0.02");
   constexpr std::string_view kScale = "scale: [0.25, 0.5]";
   written_out.replace(written_out.find(kScale), kScale.size(), "scale: [0.3, 0.5]");
-  const auto plain = parse(written_out, (folder_ / "plain.yaml").string());
+  const auto plain = parse(written_out, folder_.path("plain.yaml"));
   ASSERT_TRUE(robot && plain) << robot.error();
   EXPECT_EQ(robot->hash, plain->hash);
   EXPECT_EQ(robot->policy->file, plain->policy->file);
@@ -267,7 +264,7 @@ TEST_F(BasedOn, ProblemsAreToldWhereTheyAreWritten) {
   write("base.yaml", with("epsilon: 0.01", "epsilon: 2"));
   const auto robot = other("based_on: base.yaml\nfreshness: { confidence: 3 }\n");
   ASSERT_FALSE(robot);
-  const std::string own = (folder_ / "other.yaml").string(), base = (folder_ / "base.yaml").string();
+  const std::string own = folder_.path("other.yaml"), base = folder_.path("base.yaml");
   EXPECT_TRUE(robot.error().starts_with(own + ":2:26: freshness.confidence: 3 is out of range")) << robot.error();
   EXPECT_NE(robot.error().find("\n" + base + ":6:12: freshness.epsilon: 2 is out of range"), std::string::npos)
       << robot.error();
@@ -751,8 +748,7 @@ TEST(Hash, WhatIsNoRegularFileIsNotRead) {
 
 // The reference in the documentation is this table, word for word.
 TEST(KeyTable, DocumentationListsEveryKey) {
-  std::ifstream file("docs/configuration.md");
-  const std::string page{std::istreambuf_iterator<char>(file), {}};
+  const std::string page = takt::test::text_of("docs/configuration.md");
   EXPECT_NE(page.find(key_table()), std::string::npos)
       << "docs/configuration.md is out of date; put in the output of `takt config keys`";
 }

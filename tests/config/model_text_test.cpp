@@ -11,6 +11,8 @@
 #include <fstream>
 #include <string>
 
+#include "tests/support/files.hpp"
+
 namespace takt::config {
 namespace {
 
@@ -34,8 +36,7 @@ TEST_F(ModelTextTest, AFileByItselfIsAsItIsWithoutComments) {
   EXPECT_EQ(model->text, "<mujoco>\n" + std::string(29, ' ') + "\n    <body/>\n</mujoco>\n");
   EXPECT_EQ(model->files, std::vector<std::string>{path});
   EXPECT_EQ(in_lines_of_files(*model, "refused in line 4, as it is"), "refused in line 4, as it is");
-  std::ifstream file(path);
-  EXPECT_EQ(model_bytes(path).value(), std::string(std::istreambuf_iterator<char>(file), {}));
+  EXPECT_EQ(model_bytes(path).value(), test::text_of(path));
 }
 
 TEST_F(ModelTextTest, XacroIsNamedAsSuch) {

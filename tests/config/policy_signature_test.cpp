@@ -13,6 +13,7 @@
 
 #include "config/hash.hpp"
 #include "config/load.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::config {
 namespace {
@@ -22,21 +23,18 @@ using testing::HasSubstr;
 class PolicySignatureTest : public testing::Test {
  protected:
   PolicySignatureTest() {
-    std::string pattern = testing::TempDir() + "takt-signed.XXXXXX";
-    folder_ = mkdtemp(pattern.data());
     write("policy.onnx", "network");
     write("policy.onnx.data", "weights");
     for (const char* const key : {"lab", "other"}) {
       shell(std::string("openssl genpkey -algorithm ed25519 -out ") + key + ".pem");
       shell(std::string("openssl pkey -pubout -in ") + key + ".pem -out " + key + ".pub");
     }
-    policy_.file = folder_ + "/policy.onnx";
-    policy_.signed_by = folder_ + "/lab.pub";
+    policy_.file = folder_.path("policy.onnx");
+    policy_.signed_by = folder_.path("lab.pub");
   }
-  ~PolicySignatureTest() override { std::filesystem::remove_all(folder_); }
-  void write(const std::string& name, const std::string& text) const { std::ofstream(folder_ + "/" + name) << text; }
+  void write(const std::string& name, const std::string& text) const { std::ofstream(folder_.path(name)) << text; }
   void shell(const std::string& command) const {
-    ASSERT_EQ(std::system(("cd " + folder_ + " && " + command + " 2>>log").c_str()), 0) << command;
+    ASSERT_EQ(std::system(("cd " + folder_.path() + " && " + command + " 2>>log").c_str()), 0) << command;
   }
   void sign(const std::string& key) const {
     shell("sha256sum policy.onnx policy.onnx.data | openssl dgst -sha256 -binary > digest");
@@ -46,7 +44,7 @@ class PolicySignatureTest : public testing::Test {
     const auto hash = accepted_policy_sha256(policy_);
     return hash ? "" : hash.error();
   }
-  std::string folder_;
+  const test::TemporaryDirectory folder_;
   Policy policy_;
 };
 
@@ -84,10 +82,10 @@ TEST_F(PolicySignatureTest, AnythingElseIsRefusedAndSaysWhatToCorrect) {
   EXPECT_THAT(refusal(), HasSubstr("policy.onnx.sig holds 6 bytes, and a signature of Ed25519 has 64"));
   sign("lab");
   for (const char* const key : {"/policy.onnx", "/lab.pem"}) {
-    policy_.signed_by = folder_ + key;
+    policy_.signed_by = folder_.path() + key;
     EXPECT_THAT(refusal(), HasSubstr("holds no public key of Ed25519 in PEM form; correct `policy.signed_by`"));
   }
-  policy_.signed_by = folder_ + "/gone.pub";
+  policy_.signed_by = folder_.path("gone.pub");
   EXPECT_THAT(refusal(), HasSubstr("gone.pub: cannot be read"));
   std::filesystem::remove(policy_.file);
   EXPECT_THAT(refusal(), HasSubstr("check `policy.file`"));
