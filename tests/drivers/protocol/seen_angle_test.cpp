@@ -6,9 +6,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <filesystem>
 #include <fstream>
 #include <numbers>
+
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::drivers {
 namespace {
@@ -62,31 +63,30 @@ TEST(SeenAngle, OfASlideItIsALength) {
 }
 
 TEST(SeenAngle, ItHoldsForTheScaleThatItWasSaidOf) {
-  std::string pattern = testing::TempDir() + "takt-seen-XXXXXX";
-  const std::string directory = mkdtemp(pattern.data());
+  const test::TemporaryDirectory directory;
   config::RobotConfig robot;
   robot.joints.resize(2);
   for (config::Joint& joint : robot.joints) joint = damiao();
-  EXPECT_FALSE(seen_angle(directory, robot, 1).has_value());
-  ASSERT_TRUE(keep_seen_angle(directory, robot, 1, SeenAngle{5 * kDegree, 5.5 * kDegree, "2026-05-03"}).has_value());
-  const auto kept = seen_angle(directory, robot, 1);
+  EXPECT_FALSE(seen_angle(directory.path(), robot, 1).has_value());
+  ASSERT_TRUE(
+      keep_seen_angle(directory.path(), robot, 1, SeenAngle{5 * kDegree, 5.5 * kDegree, "2026-05-03"}).has_value());
+  const auto kept = seen_angle(directory.path(), robot, 1);
   ASSERT_TRUE(kept.has_value());
   EXPECT_EQ(text_of(config::JointKind::hinge, *kept), "+5.5 deg seen where the drive told +5.0 deg, 2026-05-03");
-  EXPECT_FALSE(seen_angle(directory, robot, 0).has_value());
+  EXPECT_FALSE(seen_angle(directory.path(), robot, 0).has_value());
   robot.joints[1].limits.torque = 7;
-  EXPECT_TRUE(seen_angle(directory, robot, 1).has_value()) << "no scale";
+  EXPECT_TRUE(seen_angle(directory.path(), robot, 1).has_value()) << "no scale";
   robot.joints[1].drive.gear_ratio = 6;
-  EXPECT_FALSE(seen_angle(directory, robot, 1).has_value());
+  EXPECT_FALSE(seen_angle(directory.path(), robot, 1).has_value());
   robot.joints[1].drive.gear_ratio = 3;
   robot.joints[1].kind = config::JointKind::slide;
-  EXPECT_FALSE(seen_angle(directory, robot, 1).has_value()) << "it was an angle";
+  EXPECT_FALSE(seen_angle(directory.path(), robot, 1).has_value()) << "it was an angle";
   robot.joints[1].kind = config::JointKind::hinge;
-  std::ofstream(directory + "/seen-1", std::ios::app).close();
-  EXPECT_TRUE(seen_angle(directory, robot, 1).has_value());
-  EXPECT_TRUE(keep_seen_angle(directory, robot, 1, std::nullopt).has_value());
-  EXPECT_FALSE(seen_angle(directory, robot, 1).has_value());
+  std::ofstream(directory.path("seen-1"), std::ios::app).close();
+  EXPECT_TRUE(seen_angle(directory.path(), robot, 1).has_value());
+  EXPECT_TRUE(keep_seen_angle(directory.path(), robot, 1, std::nullopt).has_value());
+  EXPECT_FALSE(seen_angle(directory.path(), robot, 1).has_value());
   EXPECT_FALSE(keep_seen_angle("/proc/nowhere", robot, 1, SeenAngle{1, 1, "today"}).has_value());
-  std::filesystem::remove_all(directory);
 }
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include <numbers>
 
 #include "drivers/protocol/home_note.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::drivers {
 namespace {
@@ -142,15 +143,12 @@ TEST(HomePlace, OfASlideItIsInMetres) {
 class Notes : public testing::Test {
  protected:
   Notes() {
-    std::string pattern = testing::TempDir() + "takt-homes.XXXXXX";
-    directory_ = mkdtemp(pattern.data());
     robot_.hash = 77;
     robot_.joints.push_back(joint_with(config::DriveProtocol::mit, PositionAfterPowerUp::absolute));
     robot_.joints.push_back(joint_with(config::DriveProtocol::mit, PositionAfterPowerUp::one_of_several));
   }
-  ~Notes() override { std::filesystem::remove_all(directory_); }
-  void write() { ASSERT_TRUE(write_home_note(directory_, robot_, 1, {.shift = 0.698, .left_at = 0.71})); }
-  [[nodiscard]] std::string file() const { return directory_ + "/home-1"; }
+  void write() { ASSERT_TRUE(write_home_note(directory_.path(), robot_, 1, {.shift = 0.698, .left_at = 0.71})); }
+  [[nodiscard]] std::string file() const { return directory_.path("home-1"); }
   // Its words, with one of them replaced.
   void forge(std::size_t which, const std::string& word) {
     std::vector<std::string> words;
@@ -161,27 +159,27 @@ class Notes : public testing::Test {
     for (const std::string& one : words) out << one << ' ';
   }
 
-  std::string directory_;
+  const test::TemporaryDirectory directory_;
   config::RobotConfig robot_;
 };
 
 TEST_F(Notes, HoldOnce) {
   write();
-  const auto first = take_home_notes(directory_, robot_);
+  const auto first = take_home_notes(directory_.path(), robot_);
   ASSERT_EQ(first.size(), 2U);
   EXPECT_FALSE(first[0]);
   ASSERT_TRUE(first[1]);
   EXPECT_EQ(first[1]->shift, 0.698);
   EXPECT_EQ(first[1]->left_at, 0.71);
-  EXPECT_FALSE(take_home_notes(directory_, robot_)[1]);
+  EXPECT_FALSE(take_home_notes(directory_.path(), robot_)[1]);
 }
 
 TEST_F(Notes, MayBeLookedAtBeforeTheyAreTaken) {
   write();
-  ASSERT_TRUE(home_notes(directory_, robot_)[1]);
-  const auto notes = take_home_notes(directory_, robot_);
+  ASSERT_TRUE(home_notes(directory_.path(), robot_)[1]);
+  const auto notes = take_home_notes(directory_.path(), robot_);
   ASSERT_TRUE(notes[1]);
-  EXPECT_FALSE(home_notes(directory_, robot_)[1]);
+  EXPECT_FALSE(home_notes(directory_.path(), robot_)[1]);
   const config::RobotConfig homed = homed_robot(robot_, notes);
   EXPECT_EQ(homed.joints[0].drive.offset, robot_.joints[0].drive.offset);
   EXPECT_EQ(homed.joints[1].drive.offset, robot_.joints[1].drive.offset + 0.698);
@@ -190,25 +188,25 @@ TEST_F(Notes, MayBeLookedAtBeforeTheyAreTaken) {
 TEST_F(Notes, OfAnotherRobotFileAnotherStartOfTheComputerOrTooLongAgoAreTakenAwayAndDoNotHold) {
   write();
   robot_.hash = 78;
-  EXPECT_FALSE(take_home_notes(directory_, robot_)[1]);
+  EXPECT_FALSE(take_home_notes(directory_.path(), robot_)[1]);
   EXPECT_FALSE(std::filesystem::exists(file()));
   write();
   forge(0, "00000000-0000-0000-0000-000000000000");
-  EXPECT_FALSE(take_home_notes(directory_, robot_)[1]) << "another boot";
+  EXPECT_FALSE(take_home_notes(directory_.path(), robot_)[1]) << "another boot";
   write();
   forge(2, "-600000000001");
-  EXPECT_FALSE(take_home_notes(directory_, robot_)[1]) << "too old";
+  EXPECT_FALSE(take_home_notes(directory_.path(), robot_)[1]) << "too old";
   write();
   forge(2, "9000000000000000000");
-  EXPECT_FALSE(take_home_notes(directory_, robot_)[1]) << "from the future";
+  EXPECT_FALSE(take_home_notes(directory_.path(), robot_)[1]) << "from the future";
   write();
   forge(3, "nan");
-  EXPECT_FALSE(take_home_notes(directory_, robot_)[1]);
+  EXPECT_FALSE(take_home_notes(directory_.path(), robot_)[1]);
 }
 
 TEST_F(Notes, WhereNothingCanBeWrittenItIsSaid) {
-  std::ofstream(directory_ + "/file");
-  EXPECT_FALSE(write_home_note(directory_ + "/file", robot_, 1, {}));
+  std::ofstream(directory_.path("file"));
+  EXPECT_FALSE(write_home_note(directory_.path("file"), robot_, 1, {}));
 }
 
 }  // namespace
