@@ -15,6 +15,8 @@
 #include "config/paths.hpp"
 #include "tests/process/patient_copy.hpp"
 #include "tests/process/running_robot.hpp"
+#include "tests/support/files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::test {
 namespace {
@@ -32,21 +34,15 @@ class BusTools : public testing::Test {
   // `edit`: what becomes of the robot file, every default written out.
   explicit BusTools(const std::function<void(std::string&)>& edit, const char* robot = kRobot,
                     const char* last_bus = "can3") {
-    std::string pattern = testing::TempDir() + "takt-bus-tools.XXXXXX";
-    directory_ = mkdtemp(pattern.data());
-    robot_ = patient_copy(robot, directory_);
-    std::string text = read(robot_);
+    robot_ = patient_copy(robot, directory_.path());
+    std::string text = text_of(robot_);
     edit(text);
     std::ofstream(robot_) << text;
-    plant_.emplace(std::vector<std::string>{"takt-plant", "--robot", robot_, "--runtime-dir", directory_},
-                   directory_ + "/plant.log");
-    const auto socket = config::loopback_socket(directory_, last_bus);
+    plant_.emplace(std::vector<std::string>{"takt-plant", "--robot", robot_, "--runtime-dir", directory_.path()},
+                   directory_.path("plant.log"));
+    const auto socket = config::loopback_socket(directory_.path(), last_bus);
     for (int i = 0; i < 500 && !std::filesystem::exists(socket); ++i)
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  }
-  ~BusTools() override {
-    plant_.reset();
-    std::filesystem::remove_all(directory_);
   }
   Ended takt(const std::vector<std::string>& words) {
     Child child = start(words);
@@ -54,20 +50,17 @@ class BusTools : public testing::Test {
   }
   Child start(std::vector<std::string> words) {
     words.insert(words.begin(), "takt");
-    words.insert(words.end(), {"--robot", robot_, "--runtime-dir", directory_});
-    return {words, directory_ + "/takt-" + std::to_string(++commands_) + ".out"};
+    words.insert(words.end(), {"--robot", robot_, "--runtime-dir", directory_.path()});
+    return {words, directory_.path("takt-" + std::to_string(++commands_) + ".out")};
   }
   // Of the command started last.
   Ended end(Child& child) {
     const int exit_code = child.wait(std::chrono::seconds(60)).value_or(-1);
-    return {exit_code, read(directory_ + "/takt-" + std::to_string(commands_) + ".out")};
-  }
-  static std::string read(const std::string& path) {
-    std::ifstream file(path);
-    return {std::istreambuf_iterator<char>(file), {}};
+    return {exit_code, text_of(directory_.path("takt-" + std::to_string(commands_) + ".out"))};
   }
 
-  std::string directory_, robot_;
+  const TemporaryDirectory directory_;
+  std::string robot_;
   std::optional<Child> plant_;
   int commands_ = 0;
 };
@@ -82,7 +75,7 @@ TEST_F(BusTools, ScanFindsEveryJointsDrive) {
 
 // The plant's drives are as they were; the file says another reply id and another rated torque.
 TEST_F(BusTools, ScanTellsWhatDiffersFromTheFile) {
-  std::string text = read(robot_);
+  std::string text = text_of(robot_);
   const auto put = [&text](const std::string& key, const std::string& value) {
     const std::size_t at = text.find(key);
     ASSERT_NE(at, std::string::npos) << key;
@@ -108,7 +101,7 @@ class ScanOfDamiaoAlone : public BusTools {
 };
 
 TEST_F(ScanOfDamiaoAlone, WaitsUntilEverySettingIsCompared) {
-  std::string text = read(robot_);
+  std::string text = text_of(robot_);
   const std::string torque = "torque_range: ";
   const std::size_t at = text.find(torque) + torque.size();
   text.replace(at, text.find('\n', at) - at, "60 Nm");
@@ -150,7 +143,7 @@ INSTANTIATE_TEST_SUITE_P(Joints, JogOfEveryProtocol,
 class JogOfAnotherScale : public BusTools {
  protected:
   void file_says(const std::string& joint, const std::string& old, const std::string& now) {
-    std::string text = read(robot_);
+    std::string text = text_of(robot_);
     const std::size_t at = text.find(old, text.find("name: " + joint + "\n"));
     ASSERT_NE(at, std::string::npos) << old;
     std::ofstream(robot_) << text.replace(at, old.size(), now);
@@ -207,7 +200,7 @@ TEST_F(BusTools, ZeroSetsOrSaysTheOffset) {
 // Goal: a drive that cannot be zeroed is told of in its own words, and nothing is sent. Method: the plant's drive is as
 // it was, and the file means another one; then no drive at all.
 TEST_F(BusTools, ZeroQuotesTheDriveThatIsRefused) {
-  std::string text = read(robot_);
+  std::string text = text_of(robot_);
   const std::string protocol = "protocol: mit\n";
   text.insert(text.find(protocol, text.find("name: left_shoulder\n")) + protocol.size(), "      identity: \"70999\"\n");
   std::ofstream(robot_) << text;
@@ -242,14 +235,15 @@ class JointHome : public BusTools {
     const std::string programs = std::filesystem::read_symlink("/proc/self/exe").parent_path();
     Child shell({"/bin/sh", "-c",
                  "echo " + typed + " | exec " + programs + "/takt joint home " + words + " --robot " + robot_ +
-                     " --runtime-dir " + directory_},
-                directory_ + "/takt-" + std::to_string(++commands_) + ".out");
+                     " --runtime-dir " + directory_.path()},
+                directory_.path("takt-" + std::to_string(++commands_) + ".out"));
     return end(shell);
   }
   // What keeps an executive from being armed, and its log.
   std::pair<std::string, std::string> start_and_try_to_arm() {
-    const std::string log = directory_ + "/executive.log";
-    Child executive({"takt-executive", "--robot", robot_, "--runtime-dir", directory_, "--allow-non-realtime"}, log);
+    const std::string log = directory_.path("executive.log");
+    Child executive({"takt-executive", "--robot", robot_, "--runtime-dir", directory_.path(), "--allow-non-realtime"},
+                    log);
     std::string said;
     // Refused in any case: no policy is there. Drives take a moment to say how they are.
     const auto all_are_heard = [&said] {
@@ -257,20 +251,20 @@ class JointHome : public BusTools {
              said.find("no recent feedback") == std::string::npos;
     };
     for (int i = 0; i < 100 && !all_are_heard(); ++i) {
-      const std::string out = directory_ + "/arm-" + std::to_string(++commands_) + ".out";
-      Child arm({"takt", "arm", "--runtime-dir", directory_}, out);
+      const std::string out = directory_.path("arm-" + std::to_string(++commands_) + ".out");
+      Child arm({"takt", "arm", "--runtime-dir", directory_.path()}, out);
       EXPECT_NE(arm.wait(std::chrono::seconds(20)), 0);
-      said = read(out);
+      said = text_of(out);
     }
     EXPECT_TRUE(all_are_heard()) << said;
-    const std::string out = directory_ + "/status-" + std::to_string(++commands_) + ".out";
-    Child status({"takt", "status", "--runtime-dir", directory_}, out);
+    const std::string out = directory_.path("status-" + std::to_string(++commands_) + ".out");
+    Child status({"takt", "status", "--runtime-dir", directory_.path()}, out);
     EXPECT_EQ(status.wait(std::chrono::seconds(20)), 0);
-    EXPECT_NE(read(out).find("joint right_elbow: the drive reports a fault"), std::string::npos)
-        << "in standby a status tells what arm would be refused for: " << read(out);
+    EXPECT_NE(text_of(out).find("joint right_elbow: the drive reports a fault"), std::string::npos)
+        << "in standby a status tells what arm would be refused for: " << text_of(out);
     executive.signal(SIGTERM);
     EXPECT_EQ(executive.wait(std::chrono::seconds(20)), 0);
-    return {said, read(log)};
+    return {said, text_of(log)};
   }
 };
 
@@ -397,8 +391,8 @@ TEST_F(BusTools, HomeIsForDrivesThatForgetIt) {
 }
 
 TEST_F(BusTools, NothingIsSentWhileAnExecutiveRunsButWatchingIsFine) {
-  Child executive({"takt-executive", "--robot", robot_, "--runtime-dir", directory_, "--allow-non-realtime"},
-                  directory_ + "/executive.log");
+  Child executive({"takt-executive", "--robot", robot_, "--runtime-dir", directory_.path(), "--allow-non-realtime"},
+                  directory_.path("executive.log"));
   Ended watch;
   for (int i = 0; i < 20; ++i) {
     watch = takt({"bus", "watch", "--seconds", "1", "--json"});

@@ -9,20 +9,15 @@
 
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <string>
 
 #include "config/load.hpp"
 #include "tests/process/running_robot.hpp"
 #include "tests/process/sent_frames.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::test {
 namespace {
-
-std::string text_of(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
 
 // The same network, and another file: with a doc_string (ONNX: field 6 of ModelProto) behind it.
 std::string retrained() {

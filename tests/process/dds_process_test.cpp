@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <map>
 #include <stdexcept>
 #include <thread>
@@ -19,6 +18,7 @@
 #include "tests/process/fast_messages.hpp"
 #include "tests/process/fastdds_peer.hpp"
 #include "tests/process/running_robot.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::test {
 namespace {
@@ -39,8 +39,7 @@ class DdsTest : public testing::Test {
  protected:
   // config/arm6.yaml under a name of its own, with DDS.
   void start(bool allow_requests) {
-    std::ifstream original("config/arm6.yaml");
-    std::string text{std::istreambuf_iterator<char>(original), {}};
+    std::string text = text_of("config/arm6.yaml");
     name_ = "arm6-dds-" + std::to_string(getpid());
     replace(text, "robot: arm6", "robot: " + name_);
     replace(text, "file: arm6_reach.onnx",
@@ -183,8 +182,7 @@ void expect_announced(const std::map<std::string, Endpoint>& endpoints, const st
 }
 
 bool has_mapped(pid_t pid, const std::string& library) {
-  std::ifstream maps("/proc/" + std::to_string(pid) + "/maps");
-  const std::string text{std::istreambuf_iterator<char>(maps), {}};
+  const std::string text = text_of("/proc/" + std::to_string(pid) + "/maps");
   return text.find(library) != std::string::npos;
 }
 

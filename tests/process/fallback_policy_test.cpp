@@ -8,20 +8,15 @@
 
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <string>
 
 #include "config/load.hpp"
 #include "tests/process/running_robot.hpp"
 #include "tests/process/sent_frames.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::test {
 namespace {
-
-std::string text_of(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
 
 std::string replaced(std::string text, const std::string& from, const std::string& to) {
   const std::size_t at = text.find(from);

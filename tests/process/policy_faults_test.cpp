@@ -11,22 +11,16 @@
 #include <array>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <ostream>
 #include <string>
 
 #include "config/load.hpp"
 #include "tests/process/running_robot.hpp"
 #include "tests/process/sent_frames.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::test {
 namespace {
-
-std::string text_of(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
 
 // Blocks until the last writer of the pipe is gone.
 std::string read_to_end(int pipe) {

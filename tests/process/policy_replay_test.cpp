@@ -7,21 +7,16 @@
 
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <string>
 
 #include "monitor/record/mcap_writer.hpp"
 #include "monitor/record/recorded_run.hpp"
 #include "tests/process/running_robot.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::test {
 namespace {
-
-std::string text_of(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
 
 struct Judged {
   std::optional<int> exit_code;

@@ -16,7 +16,6 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
-#include <iterator>
 #include <map>
 #include <memory>
 #include <optional>
@@ -34,17 +33,13 @@
 #include "tests/policy_host/fake_server.hpp"
 #include "tests/process/faulty_network.hpp"
 #include "tests/process/running_robot.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::test {
 namespace {
 
 using policy_host::FakeExecutive;
 using policy_host::FakeSensor;
-
-std::string text_of(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
 
 bool until(const std::function<bool()>& holds) {
   for (int poll = 0; poll < 1000; ++poll) {

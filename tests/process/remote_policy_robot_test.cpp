@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <optional>
 #include <string>
 
@@ -18,14 +17,10 @@
 #include "tests/process/faulty_network.hpp"
 #include "tests/process/running_robot.hpp"
 #include "tests/process/sent_frames.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::test {
 namespace {
-
-std::string text_of(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
 
 class RemotePolicyRobot : public testing::Test {
  protected:

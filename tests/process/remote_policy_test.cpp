@@ -14,7 +14,6 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
-#include <iterator>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -32,20 +31,16 @@
 #include "tests/policy_host/fake_server.hpp"
 #include "tests/process/child.hpp"
 #include "tests/process/faulty_network.hpp"
+#include "tests/support/files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::test {
 namespace {
 
 using policy_host::FakeExecutive;
 using policy_host::FakeSensor;
-using policy_host::TemporaryDirectory;
 
 constexpr Duration kPeriod = milliseconds(20), kMaxAge = seconds(1);
-
-std::string text_of(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
 
 std::string replaced(std::string text, const std::string& from, const std::string& to) {
   const std::size_t at = text.find(from);

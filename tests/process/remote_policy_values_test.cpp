@@ -12,7 +12,6 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
-#include <iterator>
 #include <string>
 #include <thread>
 #include <vector>
@@ -25,21 +24,17 @@
 #include "tests/process/child.hpp"
 #include "tests/process/faulty_network.hpp"
 #include "tests/process/patient_copy.hpp"
+#include "tests/support/files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::test {
 namespace {
 
 using policy_host::FakeExecutive;
 using policy_host::FakeSensor;
-using policy_host::TemporaryDirectory;
 
 constexpr int kQuestions = 20;
 constexpr Duration kApart = seconds(1);
-
-std::string text_of(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
 
 // One executive and its camera, that ask.
 class Asker {

@@ -5,7 +5,6 @@
 // each sensor's mailbox as a policy is.
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <stdlib.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -14,7 +13,6 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
-#include <iterator>
 #include <optional>
 #include <span>
 #include <string>
@@ -32,6 +30,8 @@
 #include "tests/process/child.hpp"
 #include "tests/process/fast_messages.hpp"
 #include "tests/process/fastdds_peer.hpp"
+#include "tests/support/files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::test {
 namespace {
@@ -49,11 +49,6 @@ std::int64_t unix_now() {
   timespec time{};
   clock_gettime(CLOCK_REALTIME, &time);
   return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
-}
-
-std::string text_of(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
 }
 
 // A reader of one sensor, as a policy host is.
@@ -95,34 +90,30 @@ class Mailbox {
 class RosSensors : public testing::Test {
  protected:
   RosSensors() {
-    EXPECT_NE(mkdtemp(folder_.data()), nullptr);
-    std::filesystem::copy_file("config/arm6_reach.onnx", folder_ + "/arm6_reach.onnx");
+    std::filesystem::copy_file("config/arm6_reach.onnx", folder_.path("arm6_reach.onnx"));
     std::string arm = text_of("config/arm6.yaml");
     const std::string sensors = "\nsensors:";
     arm.insert(arm.find(sensors) + sensors.size(), kSensors);
     std::ofstream(robot_file()) << arm << "\ndds: { domain: " << domain_of_this_test() << " }\n";
-    program_.emplace(std::vector<std::string>{"takt-ros-sensors", "--robot", robot_file(), "--runtime-dir", folder_},
-                     log());
+    program_.emplace(
+        std::vector<std::string>{"takt-ros-sensors", "--robot", robot_file(), "--runtime-dir", folder_.path()}, log());
     peer_.emplace(domain_of_this_test());
   }
-  ~RosSensors() override {
-    end();
-    std::filesystem::remove_all(folder_);
-  }
+  ~RosSensors() override { end(); }
   void end() {
     if (!program_) return;
     program_->signal(SIGTERM);
     EXPECT_EQ(program_->wait(20s), 0) << text_of(log());
     program_.reset();
   }
-  [[nodiscard]] std::string robot_file() const { return folder_ + "/arm6.yaml"; }
-  [[nodiscard]] std::string log() const { return folder_ + "/log"; }
+  [[nodiscard]] std::string robot_file() const { return folder_.path("arm6.yaml"); }
+  [[nodiscard]] std::string log() const { return folder_.path("log"); }
   void offer(const std::string& topic, const std::string& type) {
     peer_->offer(topic, type);
     ASSERT_TRUE(until([&] { return peer_->is_matched(topic); })) << text_of(log());
   }
   [[nodiscard]] Mailbox mailbox(const std::string& sensor, const ipc::RingShape& shape = ipc::sensor_mailbox()) const {
-    return {config::sensor_socket(folder_, sensor), shape};
+    return {config::sensor_socket(folder_.path(), sensor), shape};
   }
   // Sent again until it is there: best effort, and matching takes a moment longer on the other side.
   bool arrives(Mailbox& mailbox, const std::string& topic, const std::function<Payload()>& payload) {
@@ -139,7 +130,7 @@ class RosSensors : public testing::Test {
     }
     return holds();
   }
-  std::string folder_ = testing::TempDir() + "takt-ros-XXXXXX";
+  const TemporaryDirectory folder_;
   std::optional<Child> program_;
   std::optional<FastDdsPeer> peer_;
 };
@@ -267,8 +258,8 @@ TEST_F(RosSensors, PausesAreCounted) {
 
 TEST_F(RosSensors, ASecondServerOfTheSameSensorsIsRefused) {
   ASSERT_TRUE(until([&] { return text_of(log()).find("4 topics") != std::string::npos; })) << text_of(log());
-  Child second({"takt-ros-sensors", "--robot", robot_file(), "--runtime-dir", folder_}, folder_ + "/second");
-  EXPECT_EQ(second.wait(20s), 69) << text_of(folder_ + "/second");
+  Child second({"takt-ros-sensors", "--robot", robot_file(), "--runtime-dir", folder_.path()}, folder_.path("second"));
+  EXPECT_EQ(second.wait(20s), 69) << text_of(folder_.path("second"));
 }
 
 TEST(RosSensorsProgram, RefusesARobotWithoutSuchSensors) {

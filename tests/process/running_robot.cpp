@@ -15,6 +15,7 @@
 #include "config/paths.hpp"
 #include "executive/ipc/rendezvous.hpp"
 #include "tests/process/patient_copy.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::test {
 
@@ -27,9 +28,7 @@ constexpr int kPolls = 1000;  // times kPollEvery: 20 s
 
 RunningRobot::RunningRobot(const std::string& scenario, const std::string& robot_file,
                            const std::vector<config::Override>& changes, const std::string& world) {
-  std::string pattern = (std::filesystem::temp_directory_path() / "takt-test.XXXXXX").string();
-  directory_ = mkdtemp(pattern.data());
-  robot_file_ = patient_copy(robot_file, directory_, changes);
+  robot_file_ = patient_copy(robot_file, directory_.path(), changes);
   std::vector<std::string> extra;
   if (!scenario.empty()) extra = {"--scenario", scenario};
   if (!world.empty()) extra.insert(extra.end(), {"--world", world});
@@ -42,20 +41,18 @@ RunningRobot::~RunningRobot() {
   monitor_.reset();
   executive_.reset();
   plant_.reset();
-  std::error_code ignored;
-  std::filesystem::remove_all(directory_, ignored);
 }
 
 Child RunningRobot::start(const std::string& program, std::vector<std::string> extra,
                           const std::string& log_name) const {
-  std::vector<std::string> arguments{program, "--robot", robot_file_, "--runtime-dir", directory_};
+  std::vector<std::string> arguments{program, "--robot", robot_file_, "--runtime-dir", directory_.path()};
   arguments.insert(arguments.end(), extra.begin(), extra.end());
-  return Child(std::move(arguments), directory_ + "/" + log_name + ".log");
+  return Child(std::move(arguments), directory_.path(log_name + ".log"));
 }
 
 Child RunningRobot::start_executive(const std::string& log_path) {
   if (log_path.empty()) return start("takt-executive", {"--allow-non-realtime"}, "executive");
-  return Child({"takt-executive", "--robot", robot_file_, "--runtime-dir", directory_, "--allow-non-realtime"},
+  return Child({"takt-executive", "--robot", robot_file_, "--runtime-dir", directory_.path(), "--allow-non-realtime"},
                log_path);
 }
 
@@ -72,18 +69,19 @@ Child RunningRobot::start_rogue(const std::string& behaviour, const std::string&
 }
 
 Child RunningRobot::start_monitor(const std::string& run_directory_name) {
-  return start("takt-monitor", {"--run-dir", directory_ + "/" + run_directory_name}, "monitor");
+  return start("takt-monitor", {"--run-dir", directory_.path(run_directory_name)}, "monitor");
 }
 
 std::optional<OperatorReply> RunningRobot::status() const {
-  auto reply = ipc::ask(config::executive_socket(directory_), OperatorVerb::status, std::chrono::milliseconds(500));
+  auto reply =
+      ipc::ask(config::executive_socket(directory_.path()), OperatorVerb::status, std::chrono::milliseconds(500));
   if (!reply) return std::nullopt;
   return *reply;
 }
 
 bool RunningRobot::takt(std::vector<std::string> arguments) const {
   arguments.insert(arguments.begin(), "takt");
-  return Child(std::move(arguments), directory_ + "/takt.log").wait(std::chrono::seconds(60)) == 0;
+  return Child(std::move(arguments), directory_.path("takt.log")).wait(std::chrono::seconds(60)) == 0;
 }
 
 std::uint64_t RunningRobot::let_run(std::uint64_t ticks) const {
@@ -114,7 +112,7 @@ std::string RunningRobot::arm() const {
   std::string refusal = "the executive never answered";
   for (int poll = 0; poll < kPolls; ++poll) {
     const auto reply =
-        ipc::ask(config::executive_socket(directory_), OperatorVerb::arm, std::chrono::milliseconds(2000));
+        ipc::ask(config::executive_socket(directory_.path()), OperatorVerb::arm, std::chrono::milliseconds(2000));
     if (reply && reply->done != 0) return {};
     refusal = reply ? reply->sentences : reply.error();
     std::this_thread::sleep_for(kPollEvery);
@@ -125,10 +123,10 @@ std::string RunningRobot::arm() const {
 bool RunningRobot::reset() const {
   for (int poll = 0; poll < kPolls; ++poll) {
     const auto reply =
-        ipc::ask(config::executive_socket(directory_), OperatorVerb::reset, std::chrono::milliseconds(2000));
+        ipc::ask(config::executive_socket(directory_.path()), OperatorVerb::reset, std::chrono::milliseconds(2000));
     // In standby the second one accepts where the joints read: what fell while its drive was silent.
     if (reply && reply->done != 0)
-      return ipc::ask(config::executive_socket(directory_), OperatorVerb::reset, std::chrono::milliseconds(2000))
+      return ipc::ask(config::executive_socket(directory_.path()), OperatorVerb::reset, std::chrono::milliseconds(2000))
           .has_value();
     std::this_thread::sleep_for(kPollEvery);
   }
@@ -145,11 +143,9 @@ bool RunningRobot::finish() {
 
 std::string RunningRobot::logs() const {
   std::string all;
-  for (const auto& entry : std::filesystem::directory_iterator(directory_)) {
+  for (const auto& entry : std::filesystem::directory_iterator(directory_.path())) {
     if (entry.path().extension() != ".log") continue;
-    std::ifstream file(entry.path());
-    all += "--- " + entry.path().filename().string() + "\n";
-    all.append(std::istreambuf_iterator<char>(file), {});
+    all += "--- " + entry.path().filename().string() + "\n" + text_of(entry.path());
   }
   return all;
 }

@@ -13,6 +13,7 @@
 #include "config/load.hpp"
 #include "executive/contract/session.hpp"
 #include "tests/process/child.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::test {
 
@@ -50,8 +51,8 @@ class RunningRobot {
   // Ends executive, then monitor (so that the run folder is complete). True when both exited with 0.
   bool finish();
 
-  [[nodiscard]] std::string run_directory() const { return directory_ + "/run"; }
-  [[nodiscard]] const std::string& directory() const { return directory_; }
+  [[nodiscard]] std::string run_directory() const { return directory_.path("run"); }
+  [[nodiscard]] const std::string& directory() const { return directory_.path(); }
   [[nodiscard]] const std::string& robot_file() const { return robot_file_; }
   // Everything the programs logged, for failure messages.
   [[nodiscard]] std::string logs() const;
@@ -61,7 +62,8 @@ class RunningRobot {
  private:
   [[nodiscard]] Child start(const std::string& program, std::vector<std::string> extra,
                             const std::string& log_name) const;
-  std::string robot_file_, directory_;
+  const TemporaryDirectory directory_;
+  std::string robot_file_;
   std::optional<Child> plant_, executive_, monitor_;
 };
 

@@ -7,19 +7,14 @@
 #include <signal.h>
 
 #include <fstream>
-#include <iterator>
 #include <ostream>
 #include <string>
 
 #include "tests/process/running_robot.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::test {
 namespace {
-
-std::string text_of(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
 
 using Causes = std::uint64_t;
 constexpr Causes only(Cause cause) {

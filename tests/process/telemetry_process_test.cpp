@@ -12,13 +12,13 @@
 
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <thread>
 
 #include "monitor/record/recorded_run.hpp"
 #include "tests/process/running_robot.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::test {
 namespace {
@@ -95,8 +95,7 @@ class TelemetryTest : public testing::Test {
  private:
   // config/arm6.yaml under a name of its own, with both sections.
   void write_robot_file() {
-    std::ifstream original("config/arm6.yaml");
-    std::string text{std::istreambuf_iterator<char>(original), {}};
+    std::string text = text_of("config/arm6.yaml");
     const auto replace = [&](const std::string& from, const std::string& to) {
       ASSERT_NE(text.find(from), std::string::npos) << from;
       text.replace(text.find(from), from.size(), to);
@@ -212,8 +211,7 @@ TEST_F(TelemetryTest, OpenTelemetryIsToldTheRecordedAges) {
   policy_->signal(SIGTERM);
   ASSERT_TRUE(robot_->finish()) << robot_->logs();
 
-  std::ifstream file(robot_->run_directory() + "/otlp_traces.jsonl");
-  const std::string written{std::istreambuf_iterator<char>(file), {}};
+  const std::string written = text_of(robot_->run_directory() + "/otlp_traces.jsonl");
   {
     const std::lock_guard lock(mutex_);
     EXPECT_EQ(posted_traces_, written) << "the file and the receiver get the same";

@@ -13,6 +13,8 @@
 
 #include "drivers/torque_output/locked_file.hpp"
 #include "tests/process/running_robot.hpp"
+#include "tests/support/files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::test {
 namespace {
@@ -23,17 +25,14 @@ using namespace std::chrono_literals;
 class TorqueOutput : public testing::Test {
  protected:
   TorqueOutput() {
-    EXPECT_NE(mkdtemp(folder_.data()), nullptr);
-    std::filesystem::copy_file("config/arm6_reach.onnx", folder_ + "/arm6_reach.onnx");
-    write_robot("output: file, file: " + folder_ + "/torque");
+    std::filesystem::copy_file("config/arm6_reach.onnx", folder_.path("arm6_reach.onnx"));
+    write_robot("output: file, file: " + folder_.path("torque"));
   }
-  ~TorqueOutput() override { std::filesystem::remove_all(folder_); }
   void write_robot(const std::string& output) const {
-    std::ifstream arm("config/arm6.yaml");
-    std::ofstream(robot_file()) << std::string(std::istreambuf_iterator<char>(arm), {})
-                                << "\nsafety: { safe_torque_off: { " << output << ", on_joint_fault: keep } }\n";
+    std::ofstream(robot_file()) << text_of("config/arm6.yaml") << "\nsafety: { safe_torque_off: { " << output
+                                << ", on_joint_fault: keep } }\n";
   }
-  [[nodiscard]] bool is_permitted() const { return drivers::is_torque_permitted(folder_ + "/torque"); }
+  [[nodiscard]] bool is_permitted() const { return drivers::is_torque_permitted(folder_.path("torque")); }
   // A killed process is gone once it was waited for, and its locks with it; a tick may have to pass otherwise.
   [[nodiscard]] bool becomes(bool permitted) const {
     for (int poll = 0; poll < 2000 && is_permitted() != permitted; ++poll) std::this_thread::sleep_for(10ms);
@@ -47,9 +46,9 @@ class TorqueOutput : public testing::Test {
     EXPECT_TRUE(is_permitted()) << "while it moves";
   }
 
-  [[nodiscard]] std::string robot_file() const { return folder_ + "/arm6.yaml"; }
+  [[nodiscard]] std::string robot_file() const { return folder_.path("arm6.yaml"); }
 
-  std::string folder_ = testing::TempDir() + "takt-torque-XXXXXX";
+  const TemporaryDirectory folder_;
 };
 
 TEST_F(TorqueOutput, DropsWhenAPersonWantsNoPowerAndAtTheEnd) {
@@ -80,7 +79,7 @@ TEST_F(TorqueOutput, OneThatFailsIsANamedStop) {
   RunningRobot robot({}, robot_file());
   const Child policy = robot.start_policy_host();
   track(robot);
-  std::filesystem::remove(folder_ + "/torque");
+  std::filesystem::remove(folder_.path("torque"));
   ASSERT_TRUE(robot.wait_for_mode(Mode::damped_stop)) << robot.logs();
   EXPECT_TRUE(robot.finish()) << "so that its log is whole";
   EXPECT_NE(robot.logs().find("torque_output_lost: the output that permits torque (safety.safe_torque_off)"),

@@ -24,6 +24,8 @@
 #include "monitor/record/recorded_run.hpp"
 #include "tests/process/running_robot.hpp"
 #include "tests/simulation/looking_arm.hpp"
+#include "tests/support/files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::test {
 namespace {
@@ -107,8 +109,7 @@ std::pair<std::optional<int>, std::string> replay_policy(const RunningRobot& rob
   const std::string log = robot.directory() + "/policy-replay.log";
   Child replay({"takt", "policy", "replay", robot.run_directory()}, log);
   const auto exit_code = replay.wait(std::chrono::seconds(60));
-  std::ifstream file(log);
-  return {exit_code, {std::istreambuf_iterator<char>(file), {}}};
+  return {exit_code, text_of(log)};
 }
 
 Seen seen_in(const std::string& folder) {
@@ -129,10 +130,9 @@ Seen seen_in(const std::string& folder) {
 }
 
 TEST(VisionPolicy, TurnsAfterWhatItSeesAndSaysHowOldThatWas) {
-  std::string pattern = (std::filesystem::temp_directory_path() / "takt-vision.XXXXXX").string();
-  const std::string directory = mkdtemp(pattern.data());
+  const TemporaryDirectory directory;
   {
-    RunningRobot robot({}, looking_arm(directory));
+    RunningRobot robot({}, looking_arm(directory.path()));
     const Child policy = robot.start_policy_host();
     std::optional<Camera> camera;
     camera.emplace(robot);
@@ -163,7 +163,6 @@ TEST(VisionPolicy, TurnsAfterWhatItSeesAndSaysHowOldThatWas) {
     EXPECT_EQ(lost, 2) << said;
     EXPECT_NE(said.find("is missing: it was lost since the run"), std::string::npos) << said;
   }
-  std::filesystem::remove_all(directory);
 }
 
 }  // namespace

@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
-#include <filesystem>
 #include <set>
 #include <vector>
 
@@ -15,6 +14,7 @@
 #include "policy_host/onnx_policy.hpp"
 #include "tests/process/running_robot.hpp"
 #include "tests/simulation/looking_arm.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::test {
 namespace {
@@ -70,12 +70,11 @@ Said said_in_rollout(const config::RobotConfig& robot, const std::string& world_
 
 TEST(VisionWorld, TheSameImagesAreTheSameAnswersInRealProcessesAndInVirtualTime) {
   const ForkedWorld process([](const std::string& path) { play_spots(path, TAKT_WORLD_ERROR); });
-  std::string pattern = (std::filesystem::temp_directory_path() / "takt-vision.XXXXXX").string();
-  const std::string directory = mkdtemp(pattern.data());
+  const TemporaryDirectory directory;
   config::RobotConfig patient;
   Said real;
   {
-    RunningRobot robot({}, looking_arm(directory), {}, process.path());
+    RunningRobot robot({}, looking_arm(directory.path()), {}, process.path());
     const Child policy = robot.start_policy_host();
     ASSERT_TRUE(robot.wait_until([](const StatusSnapshot& s) {
       return s.tick.seats[Seat::policy].freshness == Freshness::fresh;
@@ -92,7 +91,6 @@ TEST(VisionWorld, TheSameImagesAreTheSameAnswersInRealProcessesAndInVirtualTime)
       << real.values.size() << " different answers of the real policy host";
   EXPECT_GE(real.youngest, kImageAge);
   EXPECT_GE(in_virtual_time.youngest, kImageAge);
-  std::filesystem::remove_all(directory);
 }
 
 }  // namespace
