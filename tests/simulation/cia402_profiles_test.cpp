@@ -5,12 +5,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fstream>
 #include <sstream>
 
 #include "drivers/protocol/protocol_table.hpp"
 #include "simulation/cia402_device.hpp"
 #include "tests/simulation/drive_loop.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::plant {
 namespace {
@@ -95,11 +95,9 @@ std::string table() {
 }
 
 TEST(Cia402Profiles, TheDocumentShowsWhatBecomesOfEach) {
-  std::ifstream file("docs/drives.md");
-  std::stringstream page;
-  page << file.rdbuf();
+  const std::string page = test::text_of("docs/drives.md");
   const std::string made = table();
-  EXPECT_NE(page.str().find(made), std::string::npos) << "docs/drives.md must show:\n" << made;
+  EXPECT_NE(page.find(made), std::string::npos) << "docs/drives.md must show:\n" << made;
 }
 
 // A waiver lets the drive in that nothing stops; the robot file then says so wherever it is quoted.

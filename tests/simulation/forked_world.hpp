@@ -8,15 +8,15 @@
 #pragma GCC diagnostic pop
 
 #include <signal.h>
-#include <stdlib.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 
-#include <filesystem>
 #include <functional>
 #include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::test {
 
@@ -24,8 +24,6 @@ namespace takt::test {
 class ForkedWorld {
  public:
   explicit ForkedWorld(const std::function<void(const std::string&)>& body) {
-    std::string pattern = (std::filesystem::temp_directory_path() / "takt-world.XXXXXX").string();
-    folder_ = mkdtemp(pattern.data());
     pid_ = fork();
     if (pid_ < 0) throw std::runtime_error("fork failed");
     if (pid_ != 0) return;
@@ -35,19 +33,15 @@ class ForkedWorld {
   }
   ForkedWorld(const ForkedWorld&) = delete;
   ForkedWorld& operator=(const ForkedWorld&) = delete;
-  ~ForkedWorld() {
-    kill();
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
-  }
-  [[nodiscard]] std::string path() const { return folder_ + "/world.sock"; }
+  ~ForkedWorld() { kill(); }
+  [[nodiscard]] std::string path() const { return folder_.path("world.sock"); }
   void kill() {
     if (pid_ > 0 && ::kill(pid_, SIGKILL) == 0) waitpid(pid_, nullptr, 0);
     pid_ = 0;
   }
 
  private:
-  std::string folder_;
+  const TemporaryDirectory folder_;
   pid_t pid_ = 0;
 };
 

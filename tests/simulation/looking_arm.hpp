@@ -10,12 +10,12 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
-#include <iterator>
 #include <stdexcept>
 #include <string>
 
 #include "executive/contract/mono_time.hpp"
 #include "tests/simulation/forked_world.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::test {
 
@@ -40,8 +40,7 @@ inline void drop_line(std::string& text, const std::string& with) {
 
 // A robot file in that directory: the demo arm with a camera, shown its joints and the newest image.
 inline std::string looking_arm(const std::string& directory) {
-  std::ifstream file("config/arm6.yaml");
-  std::string text{std::istreambuf_iterator<char>(file), {}};
+  std::string text = text_of("config/arm6.yaml");
   detail::put(text, "file: arm6_reach.onnx",
               "file: " + std::filesystem::absolute("docs/examples/python-sensor/look.onnx").string() +
                   "\n  engine: { name: builtin }");

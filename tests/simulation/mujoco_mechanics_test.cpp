@@ -22,6 +22,7 @@
 #include "tests/shared_files.hpp"
 #include "tests/simulation/arm_as_mjcf.hpp"
 #include "tests/simulation/plant_robots.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::plant {
 namespace {
@@ -507,8 +508,7 @@ struct Walk {
 class G1 {
  public:
   G1() {
-    std::ifstream file(std::string(kPolicy) + "deploy.yaml");
-    const std::string text{std::istreambuf_iterator<char>(file), {}};
+    const std::string text = test::text_of(std::string(kPolicy) + "deploy.yaml");
     deploy_ = config::read_deploy_file(text, "deploy.yaml").value();
     network_ = policy_host::load_onnx_policy(std::string(kPolicy) + "policy.onnx", "obs", "actions").value();
     config::RobotConfig robot = takt::test::demo_arm();

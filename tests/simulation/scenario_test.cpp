@@ -6,13 +6,12 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <ostream>
 
 #include "simulation/devices_file.hpp"
 #include "simulation/plant.hpp"
 #include "tests/simulation/plant_robots.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::plant {
 namespace {
@@ -200,8 +199,7 @@ TEST(Scenario, FilesThatAreNoScenario) {
 }
 
 TEST(Scenario, EveryExampleFitsAndIsListed) {
-  std::ifstream file("docs/plant-scenarios.md");
-  const std::string page{std::istreambuf_iterator<char>(file), {}};
+  const std::string page = test::text_of("docs/plant-scenarios.md");
   std::size_t count = 0;
   for (const auto& entry : std::filesystem::directory_iterator("config/scenarios")) {
     const auto scenario = load_scenario(entry.path().string(), test::demo_arm());
