@@ -5,7 +5,6 @@
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <stdlib.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -13,7 +12,6 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
-#include <iterator>
 #include <memory>
 #include <random>
 #include <thread>
@@ -25,6 +23,8 @@
 #include "tests/process/sent_frames.hpp"
 #include "tests/sensors/imu/mti_can_encoder.hpp"
 #include "tests/sensors/imu/mti_encoder.hpp"
+#include "tests/support/files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::test {
 namespace {
@@ -130,16 +130,10 @@ class CanMti final : public SimulatedMti {
   std::unique_ptr<drivers::LoopbackBus> bus_;
 };
 
-std::string text_of(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
 class TaktImu : public testing::Test {
  protected:
   TaktImu() {
-    EXPECT_NE(mkdtemp(folder_.data()), nullptr);
-    std::filesystem::copy_file("config/arm6_reach.onnx", folder_ + "/arm6_reach.onnx");
+    std::filesystem::copy_file("config/arm6_reach.onnx", folder_.path("arm6_reach.onnx"));
     std::string arm = text_of("config/arm6.yaml");
     const std::string sensors = "\nsensors:\n";
     arm.insert(arm.find(sensors) + sensors.size(), "  - { name: torso, values: 10, timeout: 300 ms }\n");
@@ -147,9 +141,8 @@ class TaktImu : public testing::Test {
     arm.insert(arm.find(joints), "  - { name: aux, interface: can2, bitrate: 1 Mbit/s, when_missing: loopback }\n");
     std::ofstream(robot_file()) << arm << "\nimu: { sensor: torso, tilt: 0.5 rad, frozen_after: 300 ms }\n";
   }
-  ~TaktImu() override { std::filesystem::remove_all(folder_); }
-  [[nodiscard]] std::string robot_file() const { return folder_ + "/arm6.yaml"; }
-  [[nodiscard]] std::string port() const { return folder_ + "/mti"; }
+  [[nodiscard]] std::string robot_file() const { return folder_.path("arm6.yaml"); }
+  [[nodiscard]] std::string port() const { return folder_.path("mti"); }
   [[nodiscard]] Child start_imu(const RunningRobot& robot, const std::string& where, const std::string& place) const {
     return Child({"takt-imu", "--robot", robot.robot_file(), where, place, "--runtime-dir", robot.directory()},
                  robot.directory() + "/imu.log");
@@ -195,7 +188,7 @@ class TaktImu : public testing::Test {
     EXPECT_EQ(replay.wait(60s), 0) << text_of(robot.directory() + "/replay.log");
   }
 
-  std::string folder_ = testing::TempDir() + "takt-imu-XXXXXX";
+  const TemporaryDirectory folder_;
 };
 
 class TaktImuOn : public TaktImu, public testing::WithParamInterface<bool> {};  // a CAN bus?
@@ -244,8 +237,8 @@ TEST_F(TaktImu, PluggedInAgainItServes) {
 
 TEST_F(TaktImu, WhatDoesNotFitIsRefused) {
   const auto ends_with = [this](std::vector<std::string> words) {
-    words.insert(words.begin(), {"takt-imu", "--runtime-dir", folder_});
-    return Child(words, folder_ + "/imu.log").wait(20s);
+    words.insert(words.begin(), {"takt-imu", "--runtime-dir", folder_.path()});
+    return Child(words, folder_.path("imu.log")).wait(20s);
   };
   EXPECT_EQ(ends_with({"--port", port(), "--robot", "config/arm6.yaml"}), 65) << "no imu";
   EXPECT_EQ(ends_with({"--port", port(), "--robot", robot_file(), "--baud", "12345"}), 64);
@@ -256,8 +249,8 @@ TEST_F(TaktImu, WhatDoesNotFitIsRefused) {
   EXPECT_EQ(ends_with({"--robot", robot_file(), "--bus", "can7"}), 65) << "no such bus";
   EXPECT_EQ(ends_with({"--robot", robot_file(), "--bus", "aux", "--can-ids", "1,2"}), 64);
   EXPECT_EQ(ends_with({"--robot", robot_file(), "--bus", "can0", "--can-ids", "0x001,0x021,0x032,0x034"}), 65);
-  EXPECT_NE(text_of(folder_ + "/imu.log").find("a drive on bus can0 has 0x001 too"), std::string::npos)
-      << text_of(folder_ + "/imu.log");
+  EXPECT_NE(text_of(folder_.path("imu.log")).find("a drive on bus can0 has 0x001 too"), std::string::npos)
+      << text_of(folder_.path("imu.log"));
 }
 
 }  // namespace
