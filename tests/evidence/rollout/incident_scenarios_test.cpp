@@ -9,9 +9,9 @@
 #include <fstream>
 #include <regex>
 #include <set>
-#include <sstream>
 
 #include "tests/evidence/rollout/scenario_run.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::panel {
 namespace {
@@ -51,11 +51,10 @@ TEST(IncidentScenarios, EverySentenceNamesThePlaceAndTheFault) {
 
 // A scenario that comes with Takt, struck at another joint, and at that joint's bus.
 std::string struck_at(const char* scenario, const config::Joint& joint) {
-  std::stringstream text;
-  text << std::ifstream("config/scenarios/" + std::string(scenario) + ".yaml").rdbuf();
+  const std::string text = takt::test::text_of("config/scenarios/" + std::string(scenario) + ".yaml");
   const std::string path = testing::TempDir() + scenario + "-" + joint.name + ".yaml";
   std::ofstream(path) << std::regex_replace(
-      std::regex_replace(text.str(), std::regex("joint: elbow"), "joint: " + joint.name), std::regex("bus: can[01]"),
+      std::regex_replace(text, std::regex("joint: elbow"), "joint: " + joint.name), std::regex("bus: can[01]"),
       "bus: " + dual_arm12().buses[joint.bus].name);
   return path;
 }

@@ -7,7 +7,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <map>
 
 #include "config/load.hpp"
@@ -15,6 +14,7 @@
 #include "evidence/rollout/rollout.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "tests/simulation/looking_arm.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::panel {
 namespace {
@@ -62,12 +62,9 @@ struct Rolled {
 class VisionRollout : public testing::Test {
  protected:
   VisionRollout() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "takt-vision.XXXXXX").string();
-    folder_ = mkdtemp(pattern.data());
-    robot_ = config::load(takt::test::looking_arm(folder_)).value();
+    robot_ = config::load(takt::test::looking_arm(folder_.path())).value();
     policy_ = policy_host::load_onnx_policy(robot_.policy->file, robot_.policy->input, robot_.policy->output).value();
   }
-  ~VisionRollout() override { std::filesystem::remove_all(folder_); }
 
   Rolled roll(WorldProcess* world, std::string_view trouble = "none", double dose = 0, std::uint64_t seed = 1) {
     Rolled rolled;
@@ -99,7 +96,7 @@ class VisionRollout : public testing::Test {
   std::unique_ptr<policy_host::Policy> policy_;
 
  private:
-  std::string folder_;
+  const test::TemporaryDirectory folder_;
 };
 
 // Of images under commands that were begun while the perturbation acted, or, of the nominal rollout, would have.
