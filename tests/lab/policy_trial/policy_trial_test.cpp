@@ -22,6 +22,7 @@
 #include "policy_host/onnx_policy.hpp"
 #include "tests/policy_host/installed_onnx_runtime.hpp"
 #include "tests/shared_files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -43,13 +44,9 @@ std::optional<onnx_runtime::OnnxRuntime> peer() {
 class TrialTest : public testing::Test {
  protected:
   void SetUp() override {
-    std::string pattern = (fs::path(testing::TempDir()) / "takt_trial_XXXXXX").string();
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    folder_ = pattern;
     std::ifstream file(kVectors);
     if (file) vectors_ = nlohmann::json::parse(file);
   }
-  void TearDown() override { fs::remove_all(folder_); }
 
   // Whether the script ran; 77 or no Python: it could not.
   bool make(const std::string& command) {
@@ -91,18 +88,18 @@ class TrialTest : public testing::Test {
             : "NOT TESTED against a running ONNX Runtime (./dev test installs it), only its committed numbers");
   }
 
-  fs::path folder_;
+  const test::TemporaryDirectory folder_;
   nlohmann::json vectors_;
   int judged_ = 0;
   double worst_ = 0;
 };
 
 TEST_F(TrialTest, EveryOperatorAgreesWithOnnxRuntime) {
-  if (!make("onnx/operator_models.py " + folder_.string())) {
+  if (!make("onnx/operator_models.py " + folder_.path())) {
     GTEST_SKIP() << "NOT TESTED: /usr/bin/python3 with onnx is not installed";
   }
   const auto runtime = peer();
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder_)) {
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder_.path())) {
     if (entry.path().extension() == ".onnx") judge(entry.path(), runtime);
   }
   EXPECT_GE(judged_, 120);
@@ -115,14 +112,14 @@ TEST_F(TrialTest, PublishedPoliciesAgreeWithOnnxRuntime) {
   for (const char* name :
        {"g1_velocity/policy.onnx", "mujoco_playground/go1_policy.onnx", "mujoco_playground/apollo_policy.onnx"}) {
     // The vectors go by one name a policy.
-    const fs::path copy =
-        folder_ / (std::string(name).substr(0, std::string(name).find('/')) + "-" + fs::path(name).filename().string());
+    const fs::path copy = folder_.path(std::string(name).substr(0, std::string(name).find('/')) + "-" +
+                                       fs::path(name).filename().string());
     fs::copy_file(kShared / name, copy);
     judge(copy, runtime);
   }
-  if (make("onnx/published_policies.py " + kShared.string() + " " + folder_.string())) {
-    for (const char* name : {"b2.onnx", "himloco.onnx", "g1_lstm.onnx"}) judge(folder_ / name, runtime);
-    const auto lost = load_whole_policy((folder_ / "g1_lstm_without_state.onnx").string(), load_onnx_network);
+  if (make("onnx/published_policies.py " + kShared.string() + " " + folder_.path())) {
+    for (const char* name : {"b2.onnx", "himloco.onnx", "g1_lstm.onnx"}) judge(folder_.path(name), runtime);
+    const auto lost = load_whole_policy(folder_.path("g1_lstm_without_state.onnx"), load_onnx_network);
     ASSERT_FALSE(lost) << "a recurrent policy without its state was accepted";
     EXPECT_NE(lost.error().find("LSTM node"), std::string::npos) << lost.error();
     EXPECT_NE(lost.error().find("memory is lost"), std::string::npos) << lost.error();

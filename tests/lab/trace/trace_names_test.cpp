@@ -5,8 +5,6 @@
 // explain every event and field.
 #include <gtest/gtest.h>
 
-#include <fstream>
-#include <iterator>
 #include <map>
 #include <regex>
 #include <set>
@@ -14,6 +12,7 @@
 
 #include "executive/contract/mode.hpp"
 #include "lab/trace/trace_event.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -21,11 +20,7 @@ namespace {
 using Names = std::set<std::string>;
 using Events = std::map<std::string, Names>;
 
-std::string text_of(const std::string& path) {
-  std::ifstream file(path);
-  EXPECT_TRUE(file.is_open()) << path;
-  return {std::istreambuf_iterator<char>(file), {}};
-}
+using test::text_of;
 
 // Every match's first group.
 Names all(const std::string& text, const std::string& pattern) {

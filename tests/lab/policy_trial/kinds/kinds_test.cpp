@@ -13,6 +13,7 @@
 #include "lab/policy_trial/agreement.hpp"
 #include "lab/policy_trial/policy_trial.hpp"
 #include "tests/policy_host/installed_onnx_runtime.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -30,18 +31,14 @@ constexpr bool kWithTorch = true;
 class KindsTest : public testing::Test {
  protected:
   void SetUp() override {
-    std::string pattern = (fs::path(testing::TempDir()) / "takt_kinds_XXXXXX").string();
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    folder_ = pattern;
     if (!library_) GTEST_SKIP() << "NOT TESTED: ONNX Runtime is not installed (./dev test installs it)";
     // NOLINTNEXTLINE(concurrency-mt-unsafe): one thread
-    const int status =
-        std::system(("/usr/bin/python3 tests/lab/policy_trial/kinds/make_kinds.py " + pattern + " small").c_str());
+    const int status = std::system(
+        ("/usr/bin/python3 tests/lab/policy_trial/kinds/make_kinds.py " + folder_.path() + " small").c_str());
     if (WEXITSTATUS(status) == 77 || WEXITSTATUS(status) == 127)
       GTEST_SKIP() << "NOT TESTED: /usr/bin/python3 with PyTorch and onnx is not installed";
     ASSERT_EQ(status, 0);
   }
-  void TearDown() override { fs::remove_all(folder_); }
 
   void expect_agreement(Trial& trial) {
     if (!trial.judge) {
@@ -55,7 +52,7 @@ class KindsTest : public testing::Test {
     worst_ = std::max(worst_, agreement.error);
   }
 
-  fs::path folder_;
+  const test::TemporaryDirectory folder_;
   std::optional<fs::path> library_ = installed_onnx_runtime();
   int judged_ = 0;
   double worst_ = 0;
@@ -66,13 +63,13 @@ TEST_F(KindsTest, EachRunsByTheEngineThatTheTableSaysAsInOnnxRuntime) {
   ASSERT_TRUE(judge) << judge.error();
   const TrialSetup setup{fs::absolute(*library_), &*judge};
   const bool torch = kWithTorch && fs::exists(TAKT_ENGINES_FOLDER "/takt-engine-torchscript.so");
-  std::ifstream table(folder_ / "kinds.txt");
+  std::ifstream table(folder_.path("kinds.txt"));
   int kinds = 0;
   for (std::string name, engine; table >> name >> engine;) {
     SCOPED_TRACE(name);
     if (engine == "torchscript" && !torch) continue;
     ++kinds;
-    Trial trial = try_policy(folder_ / name, setup);
+    Trial trial = try_policy(folder_.path(name), setup);
     if (engine == "refused") {
       EXPECT_TRUE(trial.refusal.contains("its memory is lost between observations")) << trial.refusal;
       continue;
