@@ -16,6 +16,7 @@
 #include "monitor/record/mcap_reader.hpp"
 #include "monitor/record/mcap_writer.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -165,8 +166,7 @@ TEST_F(McapTest, AChunkThatClaimsMoreThanItsBytesCanPayIsLeftOut) {
   record();
   const Bytes bomb = chunk_of(std::vector<char>(8U << 20U));
   ASSERT_LT(bomb.size() * 1000, 8U << 20U);
-  std::ifstream in(file_, std::ios::binary);
-  std::string content(std::istreambuf_iterator<char>(in), {});
+  std::string content = test::text_of(file_);
   constexpr std::size_t kBombs = 20;
   for (std::size_t i = 0; i < kBombs; ++i)
     content.insert(static_cast<std::size_t>(ends_[1]), reinterpret_cast<const char*>(bomb.data()), bomb.size());

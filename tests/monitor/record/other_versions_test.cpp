@@ -10,8 +10,6 @@
 #include <cctype>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <map>
 
 #include "evidence/review/replay.hpp"
@@ -21,6 +19,7 @@
 #include "tests/monitor/record/recorded_demo.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
 #include "tests/shared_files.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -259,8 +258,7 @@ TEST_F(OtherVersions, ATopicHasOneDescription) {
 
 // A schema record with a number that another has, before the file's own.
 TEST_F(OtherVersions, ANumberHasOneSchema) {
-  std::ifstream file(run_.folder.ticks(), std::ios::binary);
-  std::string bytes{std::istreambuf_iterator<char>(file), {}};
+  std::string bytes = test::text_of(run_.folder.ticks());
   const std::string content("\x01\x00\x01\x00\x00\x00x\x00\x00\x00\x00\x00\x00\x00\x00", 15);
   std::string record("\x03\x0f\x00\x00\x00\x00\x00\x00\x00", 9);
   bytes.insert(8, record + content);

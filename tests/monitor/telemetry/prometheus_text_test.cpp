@@ -11,7 +11,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
-#include <iterator>
 #include <memory>
 #include <regex>
 #include <set>
@@ -19,6 +18,7 @@
 #include <vector>
 
 #include "tests/monitor/record/virtual_robot.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -73,8 +73,7 @@ TEST(PrometheusText, HasWhatRulesAndDashboardAskFor) {
   const std::string text = text_of_a_run();
   const std::regex family("takt_[a-z0-9_]+");
   for (const char* file : {"config/prometheus/takt.rules.yaml", "config/grafana/takt.json"}) {
-    std::ifstream stream(file);
-    const std::string asking{std::istreambuf_iterator<char>(stream), {}};
+    const std::string asking = test::text_of(file);
     std::set<std::string> names;
     for (std::sregex_iterator at(asking.begin(), asking.end(), family), end; at != end; ++at) names.insert(at->str());
     EXPECT_GT(names.size(), 5U) << file;
@@ -95,8 +94,7 @@ TEST(PrometheusText, HasEverySeriesOfTheRulesTestFromTheStart) {
   std::vector<std::string> exported;
   for (std::string line; std::getline(lines, line);) exported.push_back(line);
 
-  std::ifstream file("tests/monitor/telemetry/takt_rules_test.yaml");
-  const std::string told{std::istreambuf_iterator<char>(file), {}};
+  const std::string told = test::text_of("tests/monitor/telemetry/takt_rules_test.yaml");
   const std::regex series(R"(series: '([a-z_]+)\{([^}]*)\}')"), label(R"([a-z]+="[^"]*")");
   std::size_t found = 0;
   for (std::sregex_iterator at(told.begin(), told.end(), series), end; at != end; ++at, ++found) {
