@@ -6,10 +6,9 @@
 
 #include <gtest/gtest.h>
 
-#include <filesystem>
-
 #include "config/load.hpp"
 #include "tests/simulation/looking_arm.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::deploy {
 namespace {
@@ -42,9 +41,8 @@ TEST(SmokeRun, AnotherRobotsPolicyFails) {
 }
 
 TEST(SmokeRun, APolicyThatLooksIsTriedWhereAWorldShowsItSomething) {
-  std::string pattern = (std::filesystem::temp_directory_path() / "takt-smoke.XXXXXX").string();
-  const std::string directory = mkdtemp(pattern.data());
-  const auto robot = config::load(test::looking_arm(directory)).value();
+  const test::TemporaryDirectory directory;
+  const auto robot = config::load(test::looking_arm(directory.path())).value();
   const auto alone = smoke_run(robot);
   ASSERT_TRUE(alone.has_value()) << alone.error();
   EXPECT_NE(alone->find("nothing was run: give it a world that does (--world)"), std::string::npos) << *alone;
@@ -64,7 +62,6 @@ TEST(SmokeRun, APolicyThatLooksIsTriedWhereAWorldShowsItSomething) {
   ASSERT_FALSE(refused.has_value());
   EXPECT_NE(refused.error().find("sees images of cam0, which world dark does not give"), std::string::npos)
       << refused.error();
-  std::filesystem::remove_all(directory);
 }
 
 }  // namespace

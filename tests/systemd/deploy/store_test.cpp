@@ -14,10 +14,11 @@
 #include <atomic>
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 #include <thread>
 
 #include "config/load.hpp"
+#include "tests/support/files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::deploy {
 namespace {
@@ -27,15 +28,12 @@ namespace fs = std::filesystem;
 class Deployments : public testing::Test {
  protected:
   Deployments() {
-    std::string pattern = testing::TempDir() + "takt-store.XXXXXX";
-    root_ = mkdtemp(pattern.data());
-    fs::create_directory(root_ + "/from");
-    fs::copy("config/arm6.yaml", root_ + "/from/robot.yaml");
-    fs::copy("config/arm6_reach.onnx", root_ + "/from/arm6_reach.onnx");
-    robot_ = config::load(root_ + "/from/robot.yaml").value();
+    fs::create_directory(root_.path("from"));
+    fs::copy("config/arm6.yaml", root_.path("from/robot.yaml"));
+    fs::copy("config/arm6_reach.onnx", root_.path("from/arm6_reach.onnx"));
+    robot_ = config::load(root_.path("from/robot.yaml")).value();
   }
-  ~Deployments() override { fs::remove_all(root_); }
-  [[nodiscard]] std::string store() const { return root_ + "/store"; }
+  [[nodiscard]] std::string store() const { return root_.path("store"); }
   [[nodiscard]] Newcomer newcomer(const std::string& name, bool simulated = false) const {
     return {robot_, name, "/runs", simulated};
   }
@@ -71,13 +69,13 @@ class Deployments : public testing::Test {
     return WIFSIGNALED(status);
   }
 
-  std::string root_;
+  const test::TemporaryDirectory root_;
   config::RobotConfig robot_;
 };
 
 TEST_F(Deployments, ADeploymentStandsOnItsOwn) {
   deploy("one");
-  fs::remove_all(root_ + "/from");
+  fs::remove_all(root_.path("from"));
   EXPECT_EQ(problem_in_use(), "");
   const auto robot = config::load(store() + "/robot/robot.yaml").value();
   EXPECT_EQ(robot.record.directory, "/runs");
@@ -87,10 +85,10 @@ TEST_F(Deployments, ADeploymentStandsOnItsOwn) {
 }
 
 TEST_F(Deployments, WeightsBesideThePolicyComeAlong) {
-  std::ofstream(root_ + "/from/arm6_reach.onnx.data") << "weights";
-  const auto hash = config::policy_hash(root_ + "/from/arm6_reach.onnx").value();
+  std::ofstream(root_.path("from/arm6_reach.onnx.data")) << "weights";
+  const auto hash = config::policy_hash(root_.path("from/arm6_reach.onnx")).value();
   deploy("one");
-  fs::remove_all(root_ + "/from");
+  fs::remove_all(root_.path("from"));
   const auto robot = config::load(store() + "/robot/robot.yaml").value();
   EXPECT_EQ(config::policy_hash(robot.policy->file).value(), hash);
 }
@@ -98,20 +96,18 @@ TEST_F(Deployments, WeightsBesideThePolicyComeAlong) {
 // Goal: what plays when the policy is gone is deployed like the policy. Method: both files have one name, in two
 // folders.
 TEST_F(Deployments, TheFallbacksPolicyComesAlongWithItsWeights) {
-  const std::string fallback = root_ + "/from/safe/arm6_reach.onnx";
-  fs::create_directory(root_ + "/from/safe");
+  const std::string fallback = root_.path("from/safe/arm6_reach.onnx");
+  fs::create_directory(root_.path("from/safe"));
   fs::copy("config/arm6_visuomotor_reach.onnx", fallback);
   std::ofstream(fallback + ".data") << "weights";
-  std::ostringstream text;
-  text << std::ifstream(root_ + "/from/robot.yaml").rdbuf();
-  std::string edited = text.str();
+  std::string edited = test::text_of(root_.path("from/robot.yaml"));
   edited.insert(edited.find("fallbacks:\n") + 11, "  stand: {kind: policy, file: safe/arm6_reach.onnx, for: 2 s}\n");
-  const auto robot_file = config::parse(edited, root_ + "/from/robot.yaml");
+  const auto robot_file = config::parse(edited, root_.path("from/robot.yaml"));
   ASSERT_TRUE(robot_file.has_value()) << robot_file.error();
   robot_ = *robot_file;
   const auto hash = config::policy_hash(fallback).value();
   deploy("one");
-  fs::remove_all(root_ + "/from");
+  fs::remove_all(root_.path("from"));
   EXPECT_EQ(problem_in_use(), "");
   const auto robot = config::load(store() + "/robot/robot.yaml").value();
   EXPECT_EQ(config::policy_hash(robot.fallbacks.front().file).value(), hash);
@@ -119,21 +115,16 @@ TEST_F(Deployments, TheFallbacksPolicyComesAlongWithItsWeights) {
 
 // Goal: a robot that asks for a signed policy can be deployed. Method: key and signature are gone where they came from.
 TEST_F(Deployments, TheKeyAndTheSignaturesComeAlong) {
-  std::ofstream(root_ + "/from/lab.pub") << "key";
-  std::ofstream(root_ + "/from/arm6_reach.onnx.sig") << "signature";
+  std::ofstream(root_.path("from/lab.pub")) << "key";
+  std::ofstream(root_.path("from/arm6_reach.onnx.sig")) << "signature";
   const std::vector<config::Override> signed_by{{"policy.signed_by", "lab.pub"}};
   robot_ = config::with_overrides(robot_, signed_by).value();
   deploy("one");
-  fs::remove_all(root_ + "/from");
+  fs::remove_all(root_.path("from"));
   const auto robot = config::load(store() + "/robot/robot.yaml").value();
-  const auto content = [](const std::string& file) {
-    std::ostringstream text;
-    text << std::ifstream(file).rdbuf();
-    return text.str();
-  };
   EXPECT_TRUE(robot.policy->signed_by.starts_with(fs::canonical(store()).string())) << robot.policy->signed_by;
-  EXPECT_EQ(content(robot.policy->signed_by), "key");
-  EXPECT_EQ(content(robot.policy->file + ".sig"), "signature");
+  EXPECT_EQ(test::text_of(robot.policy->signed_by), "key");
+  EXPECT_EQ(test::text_of(robot.policy->file + ".sig"), "signature");
 }
 
 // The robot's processes are other users than who deploys.
@@ -143,7 +134,8 @@ TEST_F(Deployments, AreReadableWhateverTheUmask) {
   umask(before);
   using fs::perms;
   for (const char* folder : {"/store", "/store/deployments", "/store/deployments/one"})
-    EXPECT_EQ(fs::status(root_ + folder).permissions() & perms::others_all, perms::others_read | perms::others_exec)
+    EXPECT_EQ(fs::status(root_.path() + folder).permissions() & perms::others_all,
+              perms::others_read | perms::others_exec)
         << folder;
   for (const auto& file : fs::directory_iterator(store() + "/deployments/one"))
     EXPECT_EQ(file.status().permissions() & perms::others_all, perms::others_read) << file.path();
@@ -199,7 +191,7 @@ TEST_F(Deployments, WhatCannotBeIsRefusedInOneSentence) {
   }
   EXPECT_NE(store.use("absent").error().find("never deployed"), std::string::npos);
   EXPECT_EQ(store.current(), "one");
-  fs::remove(root_ + "/from/arm6_reach.onnx");
+  fs::remove(root_.path("from/arm6_reach.onnx"));
   EXPECT_FALSE(store.add(newcomer("two")));
   EXPECT_FALSE(fs::exists(this->store() + "/deployments/two"));
 }
@@ -209,7 +201,7 @@ TEST_F(Deployments, WhatCannotBeIsRefusedInOneSentence) {
 // Threat: deploy-race
 TEST_F(Deployments, WhatIsTriedIsWhatIsUsed) {
   constexpr int kTimes = 50;
-  const std::string policy = root_ + "/from/arm6_reach.onnx";
+  const std::string policy = root_.path("from/arm6_reach.onnx");
   std::atomic<bool> ends = false;
   std::thread changes([&] {
     for (bool other = true; !ends; other = !other) {
@@ -266,7 +258,7 @@ TEST_F(Deployments, AnEditAfterTheTrialIsNamed) {
 // Threat: deploy-links
 TEST_F(Deployments, OnlyRegularFilesAreCopied) {
   auto store = Store::open(this->store()).value();
-  const std::string weights = root_ + "/from/arm6_reach.onnx.data";
+  const std::string weights = root_.path("from/arm6_reach.onnx.data");
   fs::create_symlink("/etc/shadow", weights);
   EXPECT_NE(store.add(newcomer("one")).error().find("arm6_reach.onnx.data is a link"), std::string::npos);
   fs::remove(weights);

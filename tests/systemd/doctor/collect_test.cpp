@@ -11,6 +11,7 @@
 #include <fstream>
 
 #include "config/load.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::doctor {
 namespace {
@@ -19,19 +20,14 @@ namespace fs = std::filesystem;
 
 class Collect : public testing::Test {
  protected:
-  Collect() {
-    std::string pattern = testing::TempDir() + "takt-doctor.XXXXXX";
-    root_ = mkdtemp(pattern.data());
-  }
-  ~Collect() override { fs::remove_all(root_); }
   void plant(const std::string& path, const std::string& text) const {
-    fs::create_directories((root_ + path).substr(0, (root_ + path).rfind('/')));
-    std::ofstream(root_ + path) << text;
+    fs::create_directories((root_.path() + path).substr(0, (root_.path() + path).rfind('/')));
+    std::ofstream(root_.path() + path) << text;
   }
   [[nodiscard]] Snapshot collected(const config::RobotConfig* robot = nullptr) const {
-    return collect({root_, [](const auto&) { return drivers::CanLink{}; }}, robot);
+    return collect({root_.path(), [](const auto&) { return drivers::CanLink{}; }}, robot);
   }
-  std::string root_;
+  const test::TemporaryDirectory root_;
 };
 
 TEST_F(Collect, AnEmptyMachineSaysNothing) {
@@ -135,7 +131,7 @@ TEST_F(Collect, WhatElseMayTakeTheCore) {
 // only begin alike, and lines that are cut off, are not its.
 TEST_F(Collect, RightsAreFactsOfTheFileAndOfTheServiceUser) {
   plant("/dev/cpu_dma_latency", "");
-  fs::permissions(root_ + "/dev/cpu_dma_latency", fs::perms{0460});
+  fs::permissions(root_.path("dev/cpu_dma_latency"), fs::perms{0460});
   plant("/etc/passwd",
         "root:x:0:0:root:/root:/bin/bash\ntakt-policy:x:997:997::/:/bin/false\ntakt:x:998:998::/var/lib/takt:/bin/"
         "false\n");

@@ -16,6 +16,7 @@
 
 #include "executive/ipc/descriptor.hpp"
 #include "systemd/doctor/interference.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::doctor {
 namespace {
@@ -28,19 +29,16 @@ constexpr ProbePlan kPlan{
 class PlantedProbe : public testing::Test {
  protected:
   PlantedProbe() {
-    std::string pattern = testing::TempDir() + "takt-probe.XXXXXX";
-    root_ = mkdtemp(pattern.data());
-    for (const char* folder : {"/dev/cpu/0", "/dev/cpu/1", "/proc"}) fs::create_directories(root_ + folder);
+    for (const char* folder : {"/dev/cpu/0", "/dev/cpu/1", "/proc"}) fs::create_directories(root_.path() + folder);
   }
-  ~PlantedProbe() override { fs::remove_all(root_); }
   // As the msr driver: the register's number is the place in the file.
   void plant_smi_count(int cpu, std::uint64_t value) const {
     std::string registers(0x34, '\xee');
     registers.append(reinterpret_cast<const char*>(&value), sizeof value).append(16, '\xee');
-    std::ofstream(root_ + "/dev/cpu/" + std::to_string(cpu) + "/msr") << registers;
+    std::ofstream(root_.path("dev/cpu/" + std::to_string(cpu) + "/msr")) << registers;
   }
-  void plant_stat(const std::string& text) const { std::ofstream(root_ + "/proc/stat") << text; }
-  [[nodiscard]] std::string stat() const { return root_ + "/proc/stat"; }
+  void plant_stat(const std::string& text) const { std::ofstream(root_.path("proc/stat")) << text; }
+  [[nodiscard]] std::string stat() const { return root_.path("proc/stat"); }
 
   // Returns once a reader waits in open(). Not open: no reader came within ten seconds.
   [[nodiscard]] static ipc::Descriptor open_when_read(const std::string& fifo) {
@@ -58,7 +56,7 @@ class PlantedProbe : public testing::Test {
     pollfd look{reader.get(), POLLIN, 0};
     return poll(&look, 1, 0) < 0 ? short{-1} : look.revents;
   }
-  std::string root_;
+  const test::TemporaryDirectory root_;
 };
 
 // Goal: sleep states are forbidden before the first wake-up until after the last, and the counts are differences over
@@ -66,7 +64,7 @@ class PlantedProbe : public testing::Test {
 // after it measures. At both the test looks at the other end of /dev/cpu_dma_latency, a FIFO too, and sets the
 // counters.
 TEST_F(PlantedProbe, HoldsTheProcessorAwakeAndCountsMeanwhile) {
-  const std::string device = root_ + "/dev/cpu_dma_latency";
+  const std::string device = root_.path("dev/cpu_dma_latency");
   ASSERT_EQ(mkfifo(device.c_str(), 0600), 0);
   ASSERT_EQ(mkfifo(stat().c_str(), 0600), 0);
   const ipc::Descriptor held(open(device.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
@@ -74,7 +72,7 @@ TEST_F(PlantedProbe, HoldsTheProcessorAwakeAndCountsMeanwhile) {
   plant_smi_count(1, 0xee00000000000005);  // what is reserved is no part of the count
 
   WakeupLatency latency;
-  std::jthread probe([&] { latency = measure_wakeups(kPlan, root_); });
+  std::jthread probe([&] { latency = measure_wakeups(kPlan, root_.path()); });
   {
     const ipc::Descriptor before = open_when_read(stat());
     ASSERT_TRUE(before.is_open()) << "nothing was counted before the measurement";
@@ -104,55 +102,55 @@ TEST_F(PlantedProbe, HoldsTheProcessorAwakeAndCountsMeanwhile) {
 }
 
 TEST_F(PlantedProbe, SaysWhenItCouldNotHoldNorCount) {
-  const WakeupLatency latency = measure_wakeups(kPlan, root_);
+  const WakeupLatency latency = measure_wakeups(kPlan, root_.path());
   EXPECT_FALSE(latency.held_awake);
   EXPECT_EQ(latency.interference.smi_counter, SmiCounter::no_driver);
   EXPECT_EQ(latency.interference.smis, 0U);
   EXPECT_FALSE(latency.interference.stolen_ms.has_value());
-  fs::create_symlink("/dev/full", root_ + "/dev/cpu_dma_latency");
-  EXPECT_FALSE(measure_wakeups(kPlan, root_).held_awake) << "opened, but the request was refused";
+  fs::create_symlink("/dev/full", root_.path("dev/cpu_dma_latency"));
+  EXPECT_FALSE(measure_wakeups(kPlan, root_.path()).held_awake) << "opened, but the request was refused";
 }
 
 // Goal: why a count could not be read decides what is advised, so it is told apart. Method: no file; one that ends
 // before the register; one whose reading fails as the driver's does (EIO, as of our own memory where nothing is); one
 // that only root may open.
 TEST_F(PlantedProbe, WhyTheCountOfSmisCouldNotBeRead) {
-  const std::string msr = root_ + "/dev/cpu/0/msr";
-  EXPECT_EQ(read_interference(root_, 0).smi_counter, SmiCounter::no_driver);
+  const std::string msr = root_.path("dev/cpu/0/msr");
+  EXPECT_EQ(read_interference(root_.path(), 0).smi_counter, SmiCounter::no_driver);
   fs::create_symlink("/proc/self/mem", msr);
-  EXPECT_EQ(read_interference(root_, 0).smi_counter, SmiCounter::no_register);
+  EXPECT_EQ(read_interference(root_.path(), 0).smi_counter, SmiCounter::no_register);
   fs::remove(msr);
   std::ofstream(msr) << "short";
-  EXPECT_EQ(read_interference(root_, 0).smi_counter, SmiCounter::no_register);
+  EXPECT_EQ(read_interference(root_.path(), 0).smi_counter, SmiCounter::no_register);
   plant_smi_count(0, 4);
-  EXPECT_EQ(read_interference(root_, {}).smis, 4U) << "no core is named: core 0";
+  EXPECT_EQ(read_interference(root_.path(), {}).smis, 4U) << "no core is named: core 0";
   fs::permissions(msr, fs::perms::none);
   const bool as_root = geteuid() == 0;
   ASSERT_TRUE(!as_root || seteuid(65534) == 0);  // an unprivileged user
-  EXPECT_EQ(read_interference(root_, 0).smi_counter, SmiCounter::refused);
+  EXPECT_EQ(read_interference(root_.path(), 0).smi_counter, SmiCounter::refused);
   ASSERT_TRUE(!as_root || seteuid(0) == 0);
 }
 
 TEST_F(PlantedProbe, StolenTimeIsOfTheCoreOrOfAll) {
   plant_stat("cpu 1 1 1 1 1 1 1 300 0 0\ncpu1 1 1 1 1 1 1 1 7 0 0\ncpu11 1 1 1 1 1 1 1 9 0 0\ncpu2 1 1\n");
   const std::int64_t tick_ms = 1000 / sysconf(_SC_CLK_TCK);
-  EXPECT_EQ(read_interference(root_, {}).stolen_ms, 300 * tick_ms);
-  EXPECT_EQ(read_interference(root_, 1).stolen_ms, 7 * tick_ms);
-  EXPECT_EQ(read_interference(root_, 11).stolen_ms, 9 * tick_ms);
-  EXPECT_FALSE(read_interference(root_, 2).stolen_ms.has_value()) << "an old kernel's line has no eighth field";
-  EXPECT_FALSE(read_interference(root_, 3).stolen_ms.has_value()) << "no such core";
+  EXPECT_EQ(read_interference(root_.path(), {}).stolen_ms, 300 * tick_ms);
+  EXPECT_EQ(read_interference(root_.path(), 1).stolen_ms, 7 * tick_ms);
+  EXPECT_EQ(read_interference(root_.path(), 11).stolen_ms, 9 * tick_ms);
+  EXPECT_FALSE(read_interference(root_.path(), 2).stolen_ms.has_value()) << "an old kernel's line has no eighth field";
+  EXPECT_FALSE(read_interference(root_.path(), 3).stolen_ms.has_value()) << "no such core";
 }
 
 // The other cores' time, in which a machine without load shows itself; waiting for a disk is idle.
 TEST_F(PlantedProbe, TheOthersTimeIsWithoutTheMeasuredCore) {
   plant_stat(
       "cpu 1 1 1 1 1 1 1 300 0 0\ncpu0 10 20 30 40 50 1 2 3 0 0\ncpu1 900 0 0 0 0 0 0 0 0 0\ncpu2 1 0 0 9 0 0 0 0\n");
-  const auto others = read_interference(root_, 1).others;
+  const auto others = read_interference(root_.path(), 1).others;
   ASSERT_TRUE(others.has_value());
   EXPECT_EQ(others->all_ticks, 156 + 10);
   EXPECT_EQ(others->busy_ticks, 66 + 1);
   plant_stat("cpu 1 1 1 1 1 1 1 300 0 0\ncpu1 900 0 0 0 0 0 0 0 0 0\n");
-  EXPECT_FALSE(read_interference(root_, 1).others.has_value()) << "there is no other";
+  EXPECT_FALSE(read_interference(root_.path(), 1).others.has_value()) << "there is no other";
   Interference before, after;
   before.others = {10, 100};
   after.others = {60, 200};
