@@ -5,10 +5,10 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
-#include <iterator>
 
 #include "tests/cli/shell.hpp"
 #include "tests/process/patient_copy.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::cli {
 namespace {
@@ -16,10 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 using test::Ended;
 
-std::string text_of(const fs::path& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
+using takt::test::text_of;
 
 class OwnEngine : public test::Shell {
  protected:
