@@ -5,9 +5,7 @@
 // for.
 #include <gtest/gtest.h>
 
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "cli/run/status_text.hpp"
 #include "cli/top/live_view.hpp"
@@ -20,6 +18,7 @@
 #include "monitor/telemetry/prometheus_text.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -36,11 +35,7 @@ struct Story {
   friend void PrintTo(const Story& story, std::ostream* out) { *out << story.what; }
 };
 
-std::string text_of(const std::string& file) {
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
+using test::text_of;
 
 // Without spaces: lines lose those at their ends.
 std::string squeezed(std::string text) {

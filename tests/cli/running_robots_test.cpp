@@ -15,6 +15,7 @@
 
 #include "config/paths.hpp"
 #include "executive/ipc/unix_socket.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::cli {
 namespace {
@@ -23,18 +24,13 @@ namespace fs = std::filesystem;
 
 class RunningRobots : public testing::Test {
  protected:
-  RunningRobots() {
-    std::string pattern = (fs::temp_directory_path() / "takt-robots.XXXXXX").string();
-    directory_ = ::mkdtemp(pattern.data());
-    places_ = {directory_ + "/run", directory_ + "/home"};
-  }
-  ~RunningRobots() override { fs::remove_all(directory_); }
+  RunningRobots() { places_ = {directory_.path("run"), directory_.path("home")}; }
   static ipc::Descriptor serve(const std::string& folder, const std::string& name = {}) {
     fs::create_directories(folder);
     if (!name.empty()) std::ofstream(folder + "/executive.json") << R"({"robot": ")" << name << "\"}";
     return ipc::listen_at(config::executive_socket(folder)).value();
   }
-  std::string directory_;
+  const test::TemporaryDirectory directory_;
   RobotPlaces places_;
 };
 
@@ -93,24 +89,24 @@ TEST_F(RunningRobots, TheHomeIsMadeForItsUserAlone) {
   struct stat status {};
   ASSERT_EQ(stat(places_.home.c_str(), &status), 0);
   EXPECT_EQ(status.st_mode & 0777U, 0700U);
-  std::ofstream(directory_ + "/file");
-  EXPECT_FALSE(make_runtime_home(directory_ + "/file/home"));
+  std::ofstream(directory_.path("file"));
+  EXPECT_FALSE(make_runtime_home(directory_.path("file/home")));
 }
 
 TEST_F(RunningRobots, TheRobotFileIsRememberedWhereItReallyLies) {
   EXPECT_EQ(remembered_robot_file(places_.home), "");
-  std::ofstream(directory_ + "/one.yaml") << "robot: one\n";
-  fs::create_symlink("one.yaml", directory_ + "/link.yaml");
-  remember_robot_file(places_.home, directory_ + "/link.yaml");
-  EXPECT_EQ(remembered_robot_file(places_.home), fs::canonical(directory_ + "/one.yaml"));
+  std::ofstream(directory_.path("one.yaml")) << "robot: one\n";
+  fs::create_symlink("one.yaml", directory_.path("link.yaml"));
+  remember_robot_file(places_.home, directory_.path("link.yaml"));
+  EXPECT_EQ(remembered_robot_file(places_.home), fs::canonical(directory_.path("one.yaml")));
   // As the units leave it; that link is not written through.
-  fs::create_directories(directory_ + "/deployment");
-  std::ofstream(directory_ + "/deployment/robot.yaml") << "robot: deployed\n";
+  fs::create_directories(directory_.path("deployment"));
+  std::ofstream(directory_.path("deployment/robot.yaml")) << "robot: deployed\n";
   fs::create_directories(places_.services);
-  fs::create_symlink(directory_ + "/deployment", places_.services + "/.robot");
-  remember_robot_file(places_.services, directory_ + "/one.yaml");
-  EXPECT_EQ(remembered_robot_file(places_.services), fs::canonical(directory_ + "/deployment/robot.yaml"));
-  EXPECT_TRUE(fs::is_regular_file(fs::symlink_status(directory_ + "/deployment/robot.yaml")));
+  fs::create_symlink(directory_.path("deployment"), places_.services + "/.robot");
+  remember_robot_file(places_.services, directory_.path("one.yaml"));
+  EXPECT_EQ(remembered_robot_file(places_.services), fs::canonical(directory_.path("deployment/robot.yaml")));
+  EXPECT_TRUE(fs::is_regular_file(fs::symlink_status(directory_.path("deployment/robot.yaml"))));
 }
 
 TEST(RuntimeHome, IsTheUsersOwn) {

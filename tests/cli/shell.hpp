@@ -7,9 +7,9 @@
 
 #include <array>
 #include <cstdio>
-#include <cstdlib>
-#include <filesystem>
 #include <string>
+
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::cli::test {
 
@@ -20,14 +20,6 @@ struct Ended {
 
 class Shell : public testing::Test {
  protected:
-  Shell() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "takt-cli.XXXXXX").string();
-    directory_ = mkdtemp(pattern.data());
-  }
-  ~Shell() override {
-    std::error_code ignored;
-    std::filesystem::remove_all(directory_, ignored);
-  }
   static Ended shell(const std::string& command) {
     FILE* pipe = popen((command + " 2>&1").c_str(), "r");
     if (!pipe) return {};
@@ -39,11 +31,11 @@ class Shell : public testing::Test {
     return ended;
   }
   static Ended takt(const std::string& arguments) { return shell(std::string(TAKT_BIN_DIR) + "/takt " + arguments); }
-  [[nodiscard]] std::string in(const std::string& name) const { return directory_ + "/" + name; }
-  [[nodiscard]] const std::string& directory() const { return directory_; }
+  [[nodiscard]] std::string in(const std::string& name) const { return directory_.path(name); }
+  [[nodiscard]] const std::string& directory() const { return directory_.path(); }
 
  private:
-  std::string directory_;
+  const takt::test::TemporaryDirectory directory_;
 };
 
 }  // namespace takt::cli::test

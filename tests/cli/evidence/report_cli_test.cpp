@@ -5,10 +5,10 @@
 
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "tests/cli/shell.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::cli::test {
 namespace {
@@ -86,11 +86,10 @@ TEST_F(ReportCli, WhereThePageCannotBeWrittenTheNumbersAreSaidAllTheSame) {
 TEST_F(ReportCli, ThePageForbidsRequestsAndKeepsTextText) {
   ASSERT_EQ(report("--html " + in("page.html")).exit_code, 0);
   EXPECT_FALSE(page_exists());
-  std::stringstream page;
-  page << std::ifstream(in("page.html")).rdbuf();
-  EXPECT_NE(page.str().find("default-src 'none'"), std::string::npos);
+  const std::string page = takt::test::text_of(in("page.html"));
+  EXPECT_NE(page.find("default-src 'none'"), std::string::npos);
   for (const char* slot : {"/*FACTS*/", "/*WHOLE*/", "/*MOMENTS*/", "/*PAGE_JS*/", "/*PAGE_CSS*/"}) {
-    EXPECT_EQ(page.str().find(slot), std::string::npos) << slot;
+    EXPECT_EQ(page.find(slot), std::string::npos) << slot;
   }
 }
 

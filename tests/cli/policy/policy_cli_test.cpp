@@ -3,11 +3,11 @@
 // documented exit codes. Method: the real binary on the demo's policies and on files that are none.
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "tests/cli/shell.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::cli {
 namespace {
@@ -162,8 +162,7 @@ TEST_F(PolicyCli, CalibratePrintsWhatTheRobotFileTakes) {
   const Ended made = shell("(" + std::string(TAKT_BIN_DIR) + "/takt policy calibrate " + in("usual") +
                            " --scores jerk,stall --alarms 0.2 2>/dev/null)");
   ASSERT_EQ(made.exit_code, 0) << made.output;
-  std::ifstream stream("config/arm6.yaml");
-  const std::string robot{std::istreambuf_iterator<char>(stream), {}};
+  const std::string robot = takt::test::text_of("config/arm6.yaml");
   const std::size_t below = robot.find("policy:\n") + 8;
   std::string section;
   std::istringstream lines(made.output);

@@ -7,11 +7,11 @@
 
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <regex>
 
 #include "tests/cli/shell.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::cli {
 namespace {
@@ -43,8 +43,7 @@ class Deploy : public test::Shell {
   }
   // The demo arm with some of its lines replaced, for a machine that stalls now and then.
   void write_robot(const std::string& name, const std::vector<std::pair<std::string, std::string>>& changes) const {
-    std::ifstream file("config/arm6.yaml");
-    std::string text{std::istreambuf_iterator<char>(file), {}};
+    std::string text = takt::test::text_of("config/arm6.yaml");
     text = std::regex_replace(text, std::regex("cpu: 1 "), "cpu: none ");
     text = std::regex_replace(text, std::regex("timeout: 20 ms"), "timeout: 200 ms");
     text = std::regex_replace(text, std::regex("drive_watchdog: 100 ms"), "drive_watchdog: 500 ms");

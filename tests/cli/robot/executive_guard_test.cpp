@@ -10,44 +10,42 @@
 
 #include "config/paths.hpp"
 #include "executive/ipc/unix_socket.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::cli {
 namespace {
 
 class ExecutiveGuard : public testing::Test {
  protected:
-  ExecutiveGuard() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "takt-guard.XXXXXX").string();
-    directory_ = ::mkdtemp(pattern.data());
+  [[nodiscard]] ipc::Descriptor listen() const {
+    return ipc::listen_at(config::executive_socket(directory_.path())).value();
   }
-  ~ExecutiveGuard() override { std::filesystem::remove_all(directory_); }
-  [[nodiscard]] ipc::Descriptor listen() const { return ipc::listen_at(config::executive_socket(directory_)).value(); }
   void expect_free() const {
-    const std::vector<std::string> places{directory_ + "/absent", directory_};
+    const std::vector<std::string> places{directory_.path("absent"), directory_.path()};
     EXPECT_TRUE(require_no_executive(places));
     EXPECT_TRUE(require_disarmed(places));
   }
-  std::string directory_;
+  const test::TemporaryDirectory directory_;
 };
 
 TEST_F(ExecutiveGuard, NobodyAndADeadServerAreFree) {
   expect_free();
   (void)listen();  // closed at once: its socket stays behind, as after SIGKILL
-  ASSERT_TRUE(std::filesystem::exists(config::executive_socket(directory_)));
+  ASSERT_TRUE(std::filesystem::exists(config::executive_socket(directory_.path())));
   expect_free();
 }
 
 TEST_F(ExecutiveGuard, OneThatDoesNotAnswerIsNotDisturbed) {
   const ipc::Descriptor server = listen();
-  const std::vector<std::string> places{directory_ + "/absent", directory_};
+  const std::vector<std::string> places{directory_.path("absent"), directory_.path()};
   const auto free = require_no_executive(places);
   ASSERT_FALSE(free);
-  EXPECT_NE(free.error().sentence.find("an executive may run in " + directory_), std::string::npos)
+  EXPECT_NE(free.error().sentence.find("an executive may run in " + directory_.path()), std::string::npos)
       << free.error().sentence;
   EXPECT_NE(free.error().sentence.find("did not answer in time"), std::string::npos) << free.error().sentence;
   const auto disarmed = require_disarmed(places);
   ASSERT_FALSE(disarmed);
-  EXPECT_NE(disarmed.error().sentence.find("whether the robot in " + directory_ + " is armed is unknown"),
+  EXPECT_NE(disarmed.error().sentence.find("whether the robot in " + directory_.path() + " is armed is unknown"),
             std::string::npos)
       << disarmed.error().sentence;
 }

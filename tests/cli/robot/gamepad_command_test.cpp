@@ -14,7 +14,6 @@
 #include <fstream>
 #include <functional>
 #include <optional>
-#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -25,6 +24,7 @@
 #include "executive/contract/monotonic_clock.hpp"
 #include "policy_host/sensor_link.hpp"
 #include "tests/cli/robot/simulated_pad.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::cli {
 namespace {
@@ -36,9 +36,7 @@ class GamepadCommand : public testing::Test {
   GamepadCommand() {
     std::filesystem::remove_all(directory_);
     std::filesystem::create_directories(directory_);
-    std::stringstream text;
-    text << std::ifstream("config/arm6.yaml").rdbuf();
-    std::string robot = text.str();
+    std::string robot = test::text_of("config/arm6.yaml");
     const std::string sensors = "\nsensors:\n", network = "file: arm6_reach.onnx";
     robot.insert(robot.find(sensors) + sensors.size(),
                  "  - name: wish\n    values: 2\n    timeout: 1 s\n    unit: m/s\n"

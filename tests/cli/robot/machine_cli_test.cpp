@@ -4,11 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <string>
 
 #include "tests/cli/shell.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::cli {
 namespace {
@@ -54,8 +54,7 @@ TEST_F(Machine, InterfacesAreSetAsTheRobotFileSays) {
                            "dbitrate 5000000 fd on\n", "ip link set can3 txqueuelen 32 up\n"})
     EXPECT_NE(all.output.find(line), std::string::npos) << line << " is missing in\n" << all.output;
   EXPECT_EQ(takt("bus up --robot config/arm6.yaml --interface can7 --dry-run").exit_code, 64);
-  std::ifstream file("config/dual_arm12.yaml");
-  std::string text((std::istreambuf_iterator<char>(file)), {});
+  std::string text = takt::test::text_of("config/dual_arm12.yaml");
   const std::string rate = "data_bitrate: 5 Mbit/s";
   ASSERT_NE(text.find(rate), std::string::npos);
   text.replace(text.find(rate), rate.size(),

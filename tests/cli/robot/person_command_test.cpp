@@ -6,7 +6,6 @@
 
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -16,6 +15,7 @@
 #include "executive/ipc/executive_segments.hpp"
 #include "executive/ipc/rendezvous.hpp"
 #include "executive/ipc/segment.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::cli {
 namespace {
@@ -24,9 +24,7 @@ class PersonCommand : public testing::Test {
  protected:
   PersonCommand() {
     std::filesystem::create_directories(directory_);
-    std::stringstream text;
-    text << std::ifstream("config/arm6.yaml").rdbuf();
-    std::string robot = text.str();
+    std::string robot = test::text_of("config/arm6.yaml");
     const std::string sensors = "\nsensors:\n", network = "file: arm6_reach.onnx";
     robot.insert(robot.find(sensors) + sensors.size(),
                  "  - name: wish\n    values: 2\n    timeout: 100 ms\n    unit: m/s\n"

@@ -8,9 +8,9 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <thread>
+
+#include "tests/support/files.hpp"
 
 namespace takt::cli {
 namespace {
@@ -20,8 +20,7 @@ const std::string kSleep = "/bin/sleep";
 int running(const std::string& seconds) {
   int count = 0;
   for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
-    std::ifstream file(entry.path() / "cmdline");
-    const std::string line{std::istreambuf_iterator<char>(file), {}};
+    const std::string line = test::text_of(entry.path() / "cmdline");
     if (line == kSleep + '\0' + seconds + '\0') ++count;
   }
   return count;

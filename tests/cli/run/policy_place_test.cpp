@@ -11,7 +11,6 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <string>
 #include <thread>
 #include <vector>
@@ -19,16 +18,15 @@
 #include "cli/run/child_process.hpp"
 #include "cli/run/robot_processes.hpp"
 #include "config/load.hpp"
+#include "tests/support/files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::cli {
 namespace {
 
 namespace fs = std::filesystem;
 
-std::string text_of(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
+using test::text_of;
 
 std::vector<int> allowed_here() {
   cpu_set_t mask;
@@ -56,14 +54,11 @@ sys.exit(3)
 class PolicyPlaceTest : public testing::Test {
  protected:
   PolicyPlaceTest() {
-    std::string pattern = (fs::temp_directory_path() / "takt-place.XXXXXX").string();
-    directory_ = mkdtemp(pattern.data());
     std::ofstream(in("policy.py")) << kAsks;
     fs::permissions(in("policy.py"), fs::perms::owner_all);
     for (const char* const name : {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"}) unsetenv(name);
   }
-  ~PolicyPlaceTest() override { fs::remove_all(directory_); }
-  [[nodiscard]] std::string in(const std::string& name) const { return directory_ + "/" + name; }
+  [[nodiscard]] std::string in(const std::string& name) const { return directory_.path(name); }
 
   static int code_of(ChildProcess& child) {
     for (int poll = 0; poll < 1500 && child.alive(); ++poll) std::this_thread::sleep_for(std::chrono::milliseconds(20));
@@ -80,7 +75,7 @@ class PolicyPlaceTest : public testing::Test {
     return child ? code_of(*child) : -1;
   }
 
-  std::string directory_;
+  const test::TemporaryDirectory directory_;
 };
 
 TEST_F(PolicyPlaceTest, IsOffTheExecutivesProcessorAndStaysOff) {

@@ -9,9 +9,9 @@
 
 #include <cstdlib>
 #include <fstream>
-#include <iterator>
 
 #include "tests/cli/top/sample_picture.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::monitor::top {
 namespace {
@@ -29,8 +29,7 @@ std::string text_of(const std::vector<Line>& lines) {
 void expect_screen(const std::string& name, const std::vector<Line>& lines) {
   const std::string path = "tests/cli/top/screens/" + name + ".txt";
   if (std::getenv("TAKT_WRITE_SCREENS") != nullptr) std::ofstream(path) << text_of(lines);
-  std::ifstream file(path);
-  const std::string golden{std::istreambuf_iterator<char>(file), {}};
+  const std::string golden = test::text_of(path);
   EXPECT_EQ(text_of(lines), golden) << path;
 }
 
