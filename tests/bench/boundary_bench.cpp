@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <filesystem>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -14,6 +13,7 @@
 #include "policy_host/boundary.hpp"
 #include "tests/bench/bench.hpp"
 #include "tests/bench/mailbox_figures.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::bench {
 namespace {
@@ -89,19 +89,17 @@ void report_publish(const Report& report, const std::vector<double>& outside, co
 int run(int repetitions, bool as_json) {
   const Report report(as_json);
   ns_per_tick();
-  std::string folder = (std::filesystem::temp_directory_path() / "takt-bench-boundary.XXXXXX").string();
-  if (mkdtemp(folder.data()) == nullptr) throw std::runtime_error(folder + " cannot be made");
+  const test::TemporaryDirectory folder;
   std::vector<double> outside, behind, plain_publish, fenced_publish;
   std::size_t none = 0, refused = 0;
   for (int i = 0; i < repetitions; ++i) {
-    outside.push_back(start_ms(Side::outside, folder, none));
-    behind.push_back(start_ms(Side::behind, folder, refused));
+    outside.push_back(start_ms(Side::outside, folder.path(), none));
+    behind.push_back(start_ms(Side::behind, folder.path(), refused));
   }
   for (int i = 0; i < 5; ++i) {
-    plain_publish.push_back(publish_us(Side::outside, folder).p50);
-    fenced_publish.push_back(publish_us(Side::behind, folder).p50);
+    plain_publish.push_back(publish_us(Side::outside, folder.path()).p50);
+    fenced_publish.push_back(publish_us(Side::behind, folder.path()).p50);
   }
-  std::filesystem::remove_all(folder);
   if (refused != 0)
     report.remark(fmt::format("this kernel refuses {} of its layers: the figures are of the others", refused));
   report_start(report, outside, behind);

@@ -23,6 +23,7 @@
 #include "tests/bench/bench.hpp"
 #include "tests/bench/lively_robot.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::bench {
 namespace {
@@ -153,10 +154,7 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   (void)ns_per_tick();
   const Report report(json);
-  std::string pattern = (std::filesystem::temp_directory_path() / "takt-evidence.XXXXXX").string();
-  if (mkdtemp(pattern.data()) == nullptr) return 1;
-  measure_sealing(pattern + "/run", report);
-  const int result = measure_audits(pattern, rows, report);
-  std::filesystem::remove_all(pattern);
-  return result == 0 ? 0 : 1;
+  const takt::test::TemporaryDirectory directory;
+  measure_sealing(directory.path("run"), report);
+  return measure_audits(directory.path(), rows, report) == 0 ? 0 : 1;
 }

@@ -19,6 +19,8 @@
 #include "monitor/record/recorded_run.hpp"
 #include "tests/bench/bench.hpp"
 #include "tests/process/running_robot.hpp"
+#include "tests/support/files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::bench {
 namespace {
@@ -39,20 +41,15 @@ struct Ticks {
 class RobotFile {
  public:
   explicit RobotFile(bool with_exporters) {
-    std::string pattern = (std::filesystem::temp_directory_path() / "takt-bench.XXXXXX").string();
-    folder_ = mkdtemp(pattern.data());
-    std::filesystem::copy("config/arm6_reach.onnx", folder_);
+    std::filesystem::copy("config/arm6_reach.onnx", folder_.path());
     std::ofstream file(path());
-    file << std::ifstream("config/arm6.yaml").rdbuf();
+    file << test::text_of("config/arm6.yaml");
     if (with_exporters) file << kExporters;
   }
-  RobotFile(const RobotFile&) = delete;
-  RobotFile& operator=(const RobotFile&) = delete;
-  ~RobotFile() { std::filesystem::remove_all(folder_); }
-  [[nodiscard]] std::string path() const { return folder_ + "/arm6.yaml"; }
+  [[nodiscard]] std::string path() const { return folder_.path("arm6.yaml"); }
 
  private:
-  std::string folder_;
+  const test::TemporaryDirectory folder_;
 };
 
 // Empty when something failed, which `report` was told.

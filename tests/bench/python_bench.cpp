@@ -21,6 +21,7 @@
 #include "policy_host/host.hpp"
 #include "tests/bench/bench.hpp"
 #include "tests/policy_host/fake_server.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::bench {
 namespace {
@@ -107,7 +108,7 @@ void run_python(const config::RobotConfig& robot, const std::string& directory) 
 }
 
 void measure(Contender& contender, int observations) {
-  const policy_host::TemporaryDirectory directory;
+  const test::TemporaryDirectory directory;
   const config::RobotConfig robot = robot_in(directory.path());
   ChildProcess host([&] { contender.run(robot, directory.path()); });
   const std::vector<double> figures = overheads(robot, directory.path(), observations);

@@ -18,6 +18,7 @@
 #include "tests/bench/bench.hpp"
 #include "tests/bench/lively_robot.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::bench {
 namespace {
@@ -124,9 +125,6 @@ int main(int argc, char** argv) {
   (void)takt::bench::ns_per_tick();
   const takt::bench::Report report(json);
   if (!directory.empty()) return takt::bench::measure(directory, ticks, report);
-  std::string pattern = (std::filesystem::temp_directory_path() / "takt-report.XXXXXX").string();
-  if (mkdtemp(pattern.data()) == nullptr) return 1;
-  const int result = takt::bench::measure(pattern + "/run", ticks, report);
-  std::filesystem::remove_all(pattern);
-  return result;
+  const takt::test::TemporaryDirectory temporary;
+  return takt::bench::measure(temporary.path("run"), ticks, report);
 }
