@@ -16,7 +16,6 @@
 #include <limits>
 #include <memory>
 #include <optional>
-#include <sstream>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -31,6 +30,8 @@
 #include "monitor/record/policy_input_message.hpp"
 #include "tests/executive/pipeline/rig.hpp"
 #include "tests/policy_host/fake_server.hpp"
+#include "tests/support/files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::client {
 namespace {
@@ -69,14 +70,13 @@ class ClientTest : public testing::Test {
 
   // From here on the robot file is arm6's with something replaced.
   void robot_file_with(const std::string& what, const std::string& by) {
-    std::stringstream text;
-    text << std::ifstream("config/arm6.yaml").rdbuf();
     robot_file_ = directory_.path() + "/robot.yaml";
     const std::string policy = std::filesystem::absolute("config/arm6_reach.onnx");
     const auto replaced = [](std::string where, const std::string& old, const std::string& next) {
       return where.replace(where.find(old), old.size(), next);
     };
-    std::ofstream(robot_file_) << replaced(replaced(text.str(), "file: arm6_reach.onnx", "file: " + policy), what, by);
+    std::ofstream(robot_file_) << replaced(
+        replaced(test::text_of("config/arm6.yaml"), "file: arm6_reach.onnx", "file: " + policy), what, by);
     spec_.robot_file = robot_file_.c_str();
   }
   // From here on the robot file is arm6's with another policy.action.interpolation.
@@ -185,7 +185,7 @@ class ClientTest : public testing::Test {
     return why_.data();
   }
 
-  policy_host::TemporaryDirectory directory_;
+  test::TemporaryDirectory directory_;
   takt_policy_spec spec_;
   std::string robot_file_;
   std::unique_ptr<FakeExecutive> executive_;
@@ -741,9 +741,7 @@ TEST_F(ClientTest, AnExecutiveThatRefusesIsNoneToWaitFor) {
 class SensorTest : public ClientTest {
  protected:
   SensorTest() {
-    std::stringstream text;
-    text << std::ifstream("config/arm6.yaml").rdbuf();
-    std::string robot = text.str();
+    std::string robot = test::text_of("config/arm6.yaml");
     const auto insert_after = [&robot](const std::string& where, const std::string& what) {
       robot.insert(robot.find(where) + where.size(), what);
     };
