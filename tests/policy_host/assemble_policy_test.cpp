@@ -8,9 +8,9 @@
 #include <array>
 #include <fstream>
 
-#include "tests/policy_host/fake_server.hpp"
 #include "tests/policy_host/onnx/onnx_graph_maker.hpp"
 #include "tests/policy_host/small_robot.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -48,7 +48,7 @@ class AssemblePolicy : public testing::Test {
     return policy ? "" : policy.error();
   }
 
-  TemporaryDirectory directory_;
+  test::TemporaryDirectory directory_;
 };
 
 TEST_F(AssemblePolicy, ListsOfJointsAreHeldAgainstTheRobotFile) {

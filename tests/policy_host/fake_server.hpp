@@ -3,12 +3,10 @@
 // observations when told and reads commands.
 #pragma once
 
-#include <stdlib.h>
 #include <unistd.h>
 
 #include <array>
 #include <atomic>
-#include <filesystem>
 #include <mutex>
 #include <optional>
 #include <stdexcept>
@@ -22,25 +20,6 @@
 #include "executive/ipc/slot_ring.hpp"
 
 namespace takt::policy_host {
-
-class TemporaryDirectory {
- public:
-  TemporaryDirectory() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "takt-policy-host.XXXXXX").string();
-    path_ = mkdtemp(pattern.data());
-  }
-  TemporaryDirectory(const TemporaryDirectory&) = delete;
-  TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;
-  ~TemporaryDirectory() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  [[nodiscard]] const std::string& path() const { return path_; }
-  [[nodiscard]] std::string path(const std::string& file) const { return path_ + "/" + file; }
-
- private:
-  std::string path_;
-};
 
 template <class Value>
 Value must(std::expected<Value, std::string> result) {

@@ -9,8 +9,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
@@ -22,6 +20,7 @@
 #include "policy_host/observation_builder.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "tests/shared_files.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -29,10 +28,7 @@ namespace {
 const std::string kFolder = "../shared/policies/g1_velocity/";
 constexpr std::size_t kJoints = 29, kInstants = 5;
 
-std::string text_of(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
+using test::text_of;
 
 config::TermKind kind_of(const std::string& name) {
   if (name == "base_ang_vel") return config::TermKind::base_angular_velocity;

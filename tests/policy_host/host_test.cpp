@@ -19,6 +19,7 @@
 #include "tests/policy_host/fake_server.hpp"
 #include "tests/policy_host/scripted_policy.hpp"
 #include "tests/policy_host/small_robot.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -79,7 +80,7 @@ class HostTest : public testing::Test {
     executive.publish(observation);
   }
 
-  TemporaryDirectory directory_;
+  test::TemporaryDirectory directory_;
   config::RobotConfig robot_;
   std::size_t largest_input_ = config::largest_policy_input(robot_);
   ScriptedPolicy policy_;
@@ -236,7 +237,7 @@ class GatedPolicy final : public Policy {
 // Goal: two requests are in flight at once, the newer observation's answer goes out although the older one is not done,
 // and the older one's never does. Method: two networks behind gates; the second opens first.
 TEST(PipelinedHost, AnOlderAnswerNeverReplacesANewerOne) {
-  TemporaryDirectory directory;
+  test::TemporaryDirectory directory;
   auto robot = hashed_robot();
   robot.policy->requests_in_flight = 2;
   robot.policy->observation[1].sensor.clear();  // no sensor: it keeps its width as a constant

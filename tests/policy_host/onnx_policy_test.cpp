@@ -7,8 +7,8 @@
 
 #include <fstream>
 
-#include "tests/policy_host/fake_server.hpp"
 #include "tests/policy_host/onnx/onnx_graph_maker.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -28,7 +28,7 @@ class OnnxPolicyTest : public testing::Test {
     policy.infer(input, output);
     return output;
   }
-  TemporaryDirectory directory_;
+  test::TemporaryDirectory directory_;
 };
 
 // actions = 10 * (obs + h_in), h_out = obs + h_in; the state's tensors come first, so that order cannot be relied upon.

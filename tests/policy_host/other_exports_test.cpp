@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
-#include <fstream>
 #include <sstream>
 
 #include "config/deploy_import.hpp"
@@ -18,6 +17,7 @@
 #include "policy_host/observation_builder.hpp"
 #include "tests/policy_host/imported_robot.hpp"
 #include "tests/shared_files.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -301,11 +301,7 @@ TEST(LeggedRl, EveryKeyIsUsedNamedOrRefusedByItsMeaning) {
             "joint_vel_rel");
 }
 
-std::string text_of(const std::filesystem::path& file) {
-  std::stringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
+using test::text_of;
 
 // A sensor's history is of its samples, a command's of observations: limits that no file says are to be filled in.
 TEST(RlSar, ACommandIsNoSensor) {

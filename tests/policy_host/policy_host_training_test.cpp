@@ -7,8 +7,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -19,14 +17,12 @@
 #include "policy_host/observation_builder.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
+#include "tests/support/files.hpp"
 
 namespace takt::policy_host {
 namespace {
 
-std::string text_of(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
+using test::text_of;
 
 std::string numbers(std::initializer_list<double> values) {
   std::string line;

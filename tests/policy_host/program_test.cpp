@@ -10,20 +10,18 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <string>
 #include <vector>
 
 #include "executive/contract/monotonic_clock.hpp"
 #include "tests/policy_host/fake_server.hpp"
+#include "tests/support/files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host {
 namespace {
 
-std::string text_of(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
+using test::text_of;
 
 class Program : public testing::Test {
  protected:
@@ -61,7 +59,7 @@ class Program : public testing::Test {
     return said;
   }
 
-  TemporaryDirectory directory_;
+  test::TemporaryDirectory directory_;
   std::string said_ = directory_.path("said");
 };
 

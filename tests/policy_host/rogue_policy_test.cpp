@@ -14,6 +14,7 @@
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "tests/policy_host/fake_server.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -81,7 +82,7 @@ TEST_P(RoguePolicy, IsHonestFirstAndThenTellsItsLie) {
   ASSERT_TRUE(robot) << robot.error();
   const auto hash = config::policy_hash(robot->policy->file);
   ASSERT_TRUE(hash) << hash.error();
-  const TemporaryDirectory directory;
+  const test::TemporaryDirectory directory;
   FakeExecutive executive(config::executive_socket(directory.path()));
   Rogue rogue(GetParam().name, directory.path());
 

@@ -13,6 +13,7 @@
 #include "executive/contract/image_sample.hpp"
 #include "tests/policy_host/fake_server.hpp"
 #include "tests/policy_host/small_robot.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -25,7 +26,7 @@ Hello reader_hello() {
 }
 
 TEST(SensorLink, AttachesReadsAndAttachesAgain) {
-  const TemporaryDirectory directory;
+  const test::TemporaryDirectory directory;
   SensorLink link(directory.path("sensor-eye.sock"), reader_hello());
   SensorSample sample;
   MonoTime now = MonoTime{} + seconds(1);
@@ -60,7 +61,7 @@ TEST(SensorLink, AttachesReadsAndAttachesAgain) {
 // one whose header says something else.
 TEST(SensorLink, AnImageThatIsNotWholeIsNone) {
   const config::Sensor camera{.name = "eye", .timeout = milliseconds(200), .image = config::ImageShape{2, 3, 1}};
-  const TemporaryDirectory directory;
+  const test::TemporaryDirectory directory;
   FakeSensor eye(directory.path("sensor-eye.sock"), mailbox_of(camera));
   SensorLink link(directory.path("sensor-eye.sock"), reader_hello(), mailbox_of(camera));
   std::vector<std::byte> image(image_bytes(camera));

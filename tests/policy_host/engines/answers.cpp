@@ -16,6 +16,7 @@
 #include "config/load.hpp"
 #include "policy_host/engines/load_policy.hpp"
 #include "policy_host/policy_fit.hpp"
+#include "tests/support/files.hpp"
 
 int main(int argc, char** argv) {
   using namespace takt;
@@ -27,8 +28,7 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "{}\n", fits.error());
     return config::kExitBadConfiguration;
   }
-  std::ifstream file(argv[2], std::ios::binary);
-  const std::string bytes{std::istreambuf_iterator<char>(file), {}};
+  const std::string bytes = takt::test::text_of(argv[2]);
   std::vector<float> observations(bytes.size() / sizeof(float));
   std::copy_n(bytes.data(), observations.size() * sizeof(float), reinterpret_cast<char*>(observations.data()));
   const std::string resets = fmt::format(",{},", argv[3]);

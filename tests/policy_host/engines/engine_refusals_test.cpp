@@ -13,23 +13,20 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <string>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "executive/contract/monotonic_clock.hpp"
-#include "tests/policy_host/fake_server.hpp"
 #include "tests/policy_host/installed_onnx_runtime.hpp"
+#include "tests/support/files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host {
 namespace {
 
-std::string text_of(const std::filesystem::path& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
+using test::text_of;
 
 class Engines : public testing::Test {
  protected:
@@ -80,7 +77,7 @@ class Engines : public testing::Test {
     EXPECT_EQ(wait_for(pid), 0) << text_of(said_);
   }
 
-  TemporaryDirectory directory_;
+  test::TemporaryDirectory directory_;
   std::string said_ = directory_.path("said");
   const std::string odd_ = "name: " TAKT_ODD_ENGINE_FILE;
 };

@@ -14,8 +14,8 @@
 
 #include "config/load.hpp"
 #include "tests/policy_host/demo_arm_networks.hpp"
-#include "tests/policy_host/fake_server.hpp"
 #include "tests/policy_host/installed_onnx_runtime.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -42,7 +42,7 @@ class LoadPolicy : public testing::Test {
                                   "outputs <x>_out");
   }
 
-  TemporaryDirectory directory_;
+  test::TemporaryDirectory directory_;
   const std::string file_ = directory_.path("policy.onnx");
   const std::optional<std::filesystem::path> runtime_ = installed_onnx_runtime();
   std::string library_ = runtime_ ? std::filesystem::absolute(*runtime_).string() : "";

@@ -18,9 +18,9 @@
 #include "policy_host/onnx_runtime/onnx_runtime.hpp"
 #include "policy_host/policy_fit.hpp"
 #include "policy_host/responder.hpp"
-#include "tests/policy_host/fake_server.hpp"
 #include "tests/policy_host/installed_onnx_runtime.hpp"
 #include "tests/policy_host/leapp/walker.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -93,7 +93,7 @@ class ExployPolicy : public testing::TestWithParam<const char*> {
     return loaded(directory_.path(), completed(text.value()));
   }
 
-  TemporaryDirectory directory_;
+  test::TemporaryDirectory directory_;
   std::string file_;
 };
 

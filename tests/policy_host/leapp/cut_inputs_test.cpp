@@ -12,8 +12,8 @@
 #include "policy_host/responder.hpp"
 #include "policy_host/sensor_link.hpp"
 #include "tests/executive/pipeline/rig.hpp"
-#include "tests/policy_host/fake_server.hpp"
 #include "tests/policy_host/leapp/walker.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -98,7 +98,7 @@ class Walker {
     return true;
   }
 
-  TemporaryDirectory directory_;
+  test::TemporaryDirectory directory_;
   config::RobotConfig robot_ = loaded(directory_.path(), filled_in(imported_bundle(make_bundle(directory_.path()))));
   std::unique_ptr<Policy> policy_;
   std::optional<Responder> responder_;

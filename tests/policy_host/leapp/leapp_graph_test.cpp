@@ -13,8 +13,8 @@
 #include "policy_host/leapp/leapp_bundle.hpp"
 #include "policy_host/leapp/leapp_description.hpp"
 #include "policy_host/onnx_policy.hpp"
-#include "tests/policy_host/fake_server.hpp"
 #include "tests/policy_host/onnx/onnx_graph_maker.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -84,7 +84,7 @@ pipeline:
     yaml_.replace(yaml_.find(from), from.size(), to);
   }
 
-  TemporaryDirectory directory_;
+  test::TemporaryDirectory directory_;
   std::string yaml_;
 };
 

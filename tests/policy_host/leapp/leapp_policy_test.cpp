@@ -24,10 +24,11 @@
 #include "policy_host/onnx_runtime/onnx_runtime.hpp"
 #include "policy_host/policy_fit.hpp"
 #include "policy_host/responder.hpp"
-#include "tests/policy_host/fake_server.hpp"
 #include "tests/policy_host/installed_onnx_runtime.hpp"
 #include "tests/policy_host/leapp/walker.hpp"
 #include "tests/shared_files.hpp"
+#include "tests/support/files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -48,7 +49,7 @@ class LeappPolicy : public testing::Test {
   }
   RobotConfig robot(const std::string& text) { return loaded(directory_.path(), text); }
 
-  TemporaryDirectory directory_;
+  test::TemporaryDirectory directory_;
   const std::string yaml_ = make_bundle(directory_.path());
   const std::string filled_ = filled_in(imported_bundle(yaml_, motors(yaml_)));
 };
@@ -258,7 +259,7 @@ std::optional<double> difference_from_onnx_runtime(const std::string& folder, co
 
 // Five instants of what the network saw, as feedback of its own.
 TEST_F(LeappPolicy, AHistoryThatIsFeedbackIsKept) {
-  TemporaryDirectory other;
+  test::TemporaryDirectory other;
   const std::string yaml = make_bundle(other.path(), "history");
   const std::string text = imported_bundle(yaml);
   for (const char* const line :
@@ -280,7 +281,7 @@ TEST_F(LeappPolicy, AHistoryThatIsFeedbackIsKept) {
 
 // Of 23 joints, its feedback between the inputs, gains and poses beside them.
 TEST_F(LeappPolicy, ABundleOfT1sShapesIsTaken) {
-  TemporaryDirectory other;
+  test::TemporaryDirectory other;
   const std::string yaml = make_bundle(other.path(), "t1");
   const std::string text = imported_bundle(yaml);
   for (const char* const line :
@@ -443,8 +444,7 @@ TEST_F(LeappPolicy, ABundleThatIsNotAsItWasExportedIsRefused) {
 
 TEST_F(LeappPolicy, StartValuesAreReadOrRefused) {
   const std::string start = directory_.path("walk_initial_values.safetensors");
-  std::ifstream file(start, std::ios::binary);
-  const std::string good(std::istreambuf_iterator<char>(file), {});
+  const std::string good = test::text_of(start);
   const RobotConfig walker = robot(filled_);
   const auto refusal = [&](const std::string& bytes) {
     std::ofstream(start, std::ios::binary) << bytes;
@@ -478,7 +478,7 @@ TEST_F(LeappPolicy, ItsHashCoversNetworksAndStartValues) {
 TEST_F(LeappPolicy, APublishedOneIsImportedLikeIt) {
   const std::string published = "../shared/policies/agile_leapp/Velocity-G1-v0.yaml";
   TAKT_NEEDS_SHARED(published);
-  TemporaryDirectory other;
+  test::TemporaryDirectory other;
   const std::string yaml = make_bundle(other.path(), published);
   // But for names, the same text: shapes, kinds, joints and what is left open.
   std::string text = imported_bundle(published);

@@ -14,6 +14,7 @@
 
 #include "policy_host/onnx/model.hpp"
 #include "tests/shared_files.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::onnx_engine {
 namespace {
@@ -49,20 +50,16 @@ float distance(Model& model, const std::vector<float>& values, const std::vector
 
 TEST(OnnxReference, NetworksExportedByPyTorchAgree) {
   namespace fs = std::filesystem;
-  std::string pattern = (fs::path(testing::TempDir()) / "takt_onnx_XXXXXX").string();
-  ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-  const fs::path folder = pattern;
+  const test::TemporaryDirectory folder;
   const std::string command =
-      "/usr/bin/python3 tests/policy_host/onnx/onnx_reference_nets.py " + folder.string() + " >/dev/null";
+      "/usr/bin/python3 tests/policy_host/onnx/onnx_reference_nets.py " + folder.path() + " >/dev/null";
   const int status = std::system(command.c_str());
-  if (WEXITSTATUS(status) == 77 || WEXITSTATUS(status) == 127) {
-    fs::remove_all(folder);
+  if (WEXITSTATUS(status) == 77 || WEXITSTATUS(status) == 127)
     GTEST_SKIP() << "NOT TESTED: /usr/bin/python3 with PyTorch and onnx is not installed";
-  }
   ASSERT_EQ(status, 0) << command;
   int networks = 0;
   float worst = 0.0F;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder.path())) {
     if (entry.path().extension() != ".onnx") continue;
     ++networks;
     auto model = load(entry.path());
@@ -79,7 +76,6 @@ TEST(OnnxReference, NetworksExportedByPyTorchAgree) {
   }
   EXPECT_EQ(networks, 36);
   std::printf("%d networks, largest difference from PyTorch %.3g\n", networks, static_cast<double>(worst));
-  fs::remove_all(folder);
 }
 
 TEST(OnnxReference, PublishedWalkingPolicyAgreesWithOnnxRuntime) {

@@ -10,6 +10,7 @@
 #include <random>
 
 #include "tests/policy_host/onnx/onnx_graph_maker.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::onnx_engine {
 namespace {
@@ -184,16 +185,12 @@ TEST(Refusal, WhatProtobufDoesNotWriteIsNoModel) {
 class ExternalData : public testing::Test {
  protected:
   void SetUp() override {
-    std::string pattern = (std::filesystem::path(testing::TempDir()) / "takt_external_XXXXXX").string();
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    folder_ = std::filesystem::path(pattern) / "model";
     std::filesystem::create_directory(folder_);
     const std::vector<float> numbers{0, 1, 2, 3, 4};
     write(folder_ / "policy.onnx.data",
           {reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(float)});
-    write(folder_.parent_path() / "outside.data", std::string(64, '\0'));
+    write(outside_.path("outside.data"), std::string(64, '\0'));
   }
-  void TearDown() override { std::filesystem::remove_all(folder_.parent_path()); }
 
   static void write(const std::filesystem::path& file, const std::string& bytes) {
     std::ofstream(file, std::ios::binary) << bytes;
@@ -220,7 +217,8 @@ class ExternalData : public testing::Test {
     return model ? "" : model.error();
   }
 
-  std::filesystem::path folder_;
+  const test::TemporaryDirectory outside_;
+  const std::filesystem::path folder_ = outside_.path("model");
 };
 
 TEST_F(ExternalData, IsReadWhereTheModelSaysAndItsHashIsTold) {

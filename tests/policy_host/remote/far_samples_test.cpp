@@ -18,7 +18,7 @@
 #include "policy_host/executive_link.hpp"
 #include "policy_host/remote/topics.hpp"
 #include "policy_host/sensor_link.hpp"
-#include "tests/policy_host/fake_server.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host::remote {
 namespace {
@@ -60,7 +60,7 @@ class FarSamplesTest : public testing::Test {
   }
 
   config::RobotConfig robot_ = config::load("config/arm6.yaml").value();
-  TemporaryDirectory directory_;
+  test::TemporaryDirectory directory_;
   std::optional<FarSamples> samples_;
   SensorLink link_{config::sensor_socket(directory_.path(), "target"), hello_of(robot_, 0, Role::sensor_reader, "test"),
                    mailbox_of(robot_.sensors[0])};
