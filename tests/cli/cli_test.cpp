@@ -20,7 +20,7 @@
 #include "config/read_all.hpp"
 #include "tests/cli/shell.hpp"
 #include "tests/process/patient_copy.hpp"
-#include "tests/shared_files.hpp"
+#include "tests/support/shared_files.hpp"
 
 namespace takt::cli {
 namespace {

@@ -16,8 +16,8 @@
 #include "config/load.hpp"
 #include "config/model_import.hpp"
 #include "config/observation_shape.hpp"
-#include "tests/shared_files.hpp"
 #include "tests/support/files.hpp"
+#include "tests/support/shared_files.hpp"
 
 namespace takt::config {
 namespace {

@@ -19,8 +19,8 @@
 #include "config/robot_config.hpp"
 #include "policy_host/observation_builder.hpp"
 #include "policy_host/onnx_policy.hpp"
-#include "tests/shared_files.hpp"
 #include "tests/support/files.hpp"
+#include "tests/support/shared_files.hpp"
 
 namespace takt::policy_host {
 namespace {

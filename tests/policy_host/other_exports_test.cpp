@@ -16,8 +16,8 @@
 #include "policy_host/chunk_builder.hpp"
 #include "policy_host/observation_builder.hpp"
 #include "tests/policy_host/imported_robot.hpp"
-#include "tests/shared_files.hpp"
 #include "tests/support/files.hpp"
+#include "tests/support/shared_files.hpp"
 
 namespace takt::policy_host {
 namespace {

@@ -19,10 +19,10 @@
 #include "simulation/arm_dynamics.hpp"
 #include "simulation/mjcf_file.hpp"
 #include "simulation/robot_plant.hpp"
-#include "tests/shared_files.hpp"
 #include "tests/simulation/arm_as_mjcf.hpp"
 #include "tests/simulation/plant_robots.hpp"
 #include "tests/support/files.hpp"
+#include "tests/support/shared_files.hpp"
 
 namespace takt::plant {
 namespace {

@@ -19,8 +19,8 @@
 #include "policy_host/onnx_policy.hpp"
 #include "simulation/mechanics.hpp"
 #include "tests/evidence/rollout/published_g1.hpp"
-#include "tests/shared_files.hpp"
 #include "tests/simulation/arm_as_mjcf.hpp"
+#include "tests/support/shared_files.hpp"
 
 namespace takt::panel {
 namespace {

@@ -16,7 +16,7 @@
 #include "evidence/rollout/rollout.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "tests/evidence/rollout/published_g1.hpp"
-#include "tests/shared_files.hpp"
+#include "tests/support/shared_files.hpp"
 
 namespace takt::panel {
 namespace {

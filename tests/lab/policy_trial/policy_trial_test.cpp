@@ -21,7 +21,7 @@
 #include "lab/policy_trial/judging_network.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "tests/policy_host/installed_onnx_runtime.hpp"
-#include "tests/shared_files.hpp"
+#include "tests/support/shared_files.hpp"
 #include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host {

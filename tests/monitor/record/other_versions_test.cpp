@@ -18,8 +18,8 @@
 #include "monitor/record/message_schema.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
-#include "tests/shared_files.hpp"
 #include "tests/support/files.hpp"
+#include "tests/support/shared_files.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -9,7 +9,7 @@
 #include <span>
 
 #include "config/document.hpp"
-#include "tests/shared_files.hpp"
+#include "tests/support/shared_files.hpp"
 
 namespace takt::policy_host {
 namespace {

@@ -26,8 +26,8 @@
 #include "policy_host/responder.hpp"
 #include "tests/policy_host/installed_onnx_runtime.hpp"
 #include "tests/policy_host/leapp/walker.hpp"
-#include "tests/shared_files.hpp"
 #include "tests/support/files.hpp"
+#include "tests/support/shared_files.hpp"
 #include "tests/support/temporary_directory.hpp"
 
 namespace takt::policy_host {

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "policy_host/onnx/model.hpp"
-#include "tests/shared_files.hpp"
+#include "tests/support/shared_files.hpp"
 #include "tests/support/temporary_directory.hpp"
 
 namespace takt::onnx_engine {
