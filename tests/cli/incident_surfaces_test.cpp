@@ -17,8 +17,8 @@
 #include "monitor/telemetry/otlp_json.hpp"
 #include "monitor/telemetry/prometheus_text.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
 #include "tests/support/files.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -43,7 +43,7 @@ std::string squeezed(std::string text) {
   return text;
 }
 
-class Surfaces : public TemporaryFolder, public testing::WithParamInterface<Story> {
+class Surfaces : public test::TemporaryFolder, public testing::WithParamInterface<Story> {
  protected:
   Surfaces() {
     VirtualRobot robot;

@@ -15,14 +15,14 @@
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/sensor_server.hpp"
 #include "monitor/record/image_file.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
 
 const config::ImageShape kShape{48, 64, 3};
 
-class ImageWatchTest : public TemporaryFolder {
+class ImageWatchTest : public test::TemporaryFolder {
  protected:
   ImageWatchTest() {
     robot_ = config::load("config/arm6.yaml").value();

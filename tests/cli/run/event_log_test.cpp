@@ -10,12 +10,12 @@
 #include <nlohmann/json.hpp>
 
 #include "monitor/record/run_events.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::cli {
 namespace {
 
-using EventLogTest = monitor::TemporaryFolder;
+using EventLogTest = test::TemporaryFolder;
 
 TEST_F(EventLogTest, WhatIsNotedBeforeThereIsAFolderWaitsForIt) {
   EventLog log(path("run"));

@@ -7,12 +7,12 @@
 
 #include <fstream>
 
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::cli {
 namespace {
 
-using PlantLogTest = monitor::TemporaryFolder;
+using PlantLogTest = test::TemporaryFolder;
 
 TEST_F(PlantLogTest, ReadsEachFaultOnceWithItsInstant) {
   PlantLog log(path("takt-plant.log"));

@@ -19,9 +19,9 @@
 #include "policy_host/input_evidence.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/responder.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
 #include "tests/policy_host/onnx/onnx_graph_maker.hpp"
 #include "tests/policy_host/small_robot.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -84,7 +84,7 @@ struct Answer {
   bool has_evidence = true;  // what its host said of it was recorded
 };
 
-class PolicyReplayTest : public TemporaryFolder {
+class PolicyReplayTest : public takt::test::TemporaryFolder {
  protected:
   std::string write(const std::string& name, const GraphMaker& maker) {
     std::ofstream(path(name), std::ios::binary) << maker.model.SerializeAsString();

@@ -12,7 +12,7 @@
 #include "config/load.hpp"
 #include "evidence/review/run_review.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -57,7 +57,7 @@ const Disturbance kDisturbances[] = {
      "control.late_share", "0.4", "0.38", "it would have gone on"},
 };
 
-class Counterfactuals : public TemporaryFolder, public testing::WithParamInterface<Disturbance> {
+class Counterfactuals : public test::TemporaryFolder, public testing::WithParamInterface<Disturbance> {
  protected:
   static void live(VirtualRobot& robot) { robot.spoil_input = GetParam().spoil; }
   RecordedRun recorded() {
@@ -96,7 +96,7 @@ TEST_P(Counterfactuals, NamesTheSmallestValueThatWouldHaveKeptItGoing) {
 INSTANTIATE_TEST_SUITE_P(Disturbed, Counterfactuals, testing::ValuesIn(kDisturbances),
                          [](const auto& each) { return std::string(each.param.name); });
 
-class CounterfactualTest : public TemporaryFolder {
+class CounterfactualTest : public test::TemporaryFolder {
  protected:
   static std::string told_of(const RecordedRun& run) {
     const auto review = review_of(run);

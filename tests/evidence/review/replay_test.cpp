@@ -11,7 +11,7 @@
 
 #include "executive/contract/version.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -20,7 +20,7 @@ float flip(float value, int bit) {
   return std::bit_cast<float>(std::bit_cast<std::uint32_t>(value) ^ (1U << bit));
 }
 
-class ReplayTest : public TemporaryFolder {
+class ReplayTest : public test::TemporaryFolder {
  protected:
   static void leave(TickRecord&) {}
   static void leave_command(RecordedCommand&) {}

@@ -8,12 +8,12 @@
 #include <filesystem>
 
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
 
-class UsualStretches : public TemporaryFolder {};
+class UsualStretches : public test::TemporaryFolder {};
 
 TEST_F(UsualStretches, StretchesOfAnotherPolicyAreNotTheRuns) {
   const RecordedRun run = record_demo(path("run"));

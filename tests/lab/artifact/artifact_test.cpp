@@ -15,12 +15,12 @@
 #include "monitor/record/bounded_file.hpp"
 #include "tests/lab/artifact/sample_artifact.hpp"
 #include "tests/lab/artifact/sample_rows.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::panel {
 namespace {
 
-class ArtifactTest : public monitor::TemporaryFolder {
+class ArtifactTest : public test::TemporaryFolder {
  protected:
   const std::string folder = path("artifact");
   const ArtifactManifest manifest = sample_manifest({"method-a", "method-b"}, 4);

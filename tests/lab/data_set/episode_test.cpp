@@ -10,7 +10,7 @@
 #include <map>
 
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::data_set {
 namespace {
@@ -18,7 +18,7 @@ namespace {
 using monitor::RecordedCommand;
 using monitor::RecordedRun;
 
-class Episodes : public monitor::TemporaryFolder {
+class Episodes : public test::TemporaryFolder {
  protected:
   [[nodiscard]] const RecordedRun& run() const { return run_; }
   static std::map<std::uint64_t, TickRecord> ticks_of(const RecordedRun& run) {

@@ -9,7 +9,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::data_set {
 namespace {
@@ -24,7 +24,7 @@ RunEpisodes small_run() {
   return run;
 }
 
-class LerobotDataSet : public monitor::TemporaryFolder {
+class LerobotDataSet : public test::TemporaryFolder {
  protected:
   [[nodiscard]] static std::expected<void, std::string> write(const std::string& folder) {
     const RunEpisodes run = small_run();

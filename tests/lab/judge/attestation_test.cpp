@@ -16,14 +16,14 @@
 #include "monitor/record/bounded_file.hpp"
 #include "tests/lab/artifact/sample_artifact.hpp"
 #include "tests/lab/artifact/sample_rows.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::panel {
 namespace {
 
 constexpr const char* kOf = "stops.operator_stop";
 
-class AttestationTest : public monitor::TemporaryFolder {
+class AttestationTest : public test::TemporaryFolder {
  protected:
   const config::RobotConfig robot = config::load("config/balancer.yaml").value();
   Attestation whole;

@@ -18,12 +18,12 @@
 #include "tests/lab/artifact/sample_artifact.hpp"
 #include "tests/lab/artifact/sample_rows.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::panel {
 namespace {
 
-class AuditTest : public monitor::TemporaryFolder {
+class AuditTest : public test::TemporaryFolder {
  protected:
   const std::string folder = path("artifact");
   std::vector<RolloutRow> rows{sample_row("fast", 1), failed_row("fast", 1)};

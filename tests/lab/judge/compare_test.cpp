@@ -14,12 +14,12 @@
 #include "lab/judge/exact_rate_interval.hpp"
 #include "tests/lab/artifact/sample_artifact.hpp"
 #include "tests/lab/artifact/sample_rows.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::panel {
 namespace {
 
-class CompareTest : public monitor::TemporaryFolder {
+class CompareTest : public test::TemporaryFolder {
  protected:
   // Ten seeds, nominal and stalled. `fails(seed)` decides the stalled rollouts; ages are 20 ms + shift.
   Artifact artifact_of(const std::string& method, double shift_ms, bool (*fails)(std::uint64_t),

@@ -9,7 +9,7 @@
 #include <fstream>
 
 #include "lab/panel/panel_plan.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::panel {
 namespace {
@@ -33,7 +33,7 @@ std::string small_panel() {
          "  - { kind: push, dose: 12.5, from: 1 s, for: 1 s }\n";
 }
 
-class PanelFile : public monitor::TemporaryFolder {
+class PanelFile : public test::TemporaryFolder {
  protected:
   [[nodiscard]] std::string written(const std::string& text) const {
     std::ofstream(path("panel.yaml")) << text;

@@ -16,7 +16,7 @@
 #include "lab/panel/sequential_decision.hpp"
 #include "lab/panel/worker_pool.hpp"
 #include "monitor/record/bounded_file.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::panel {
 namespace {
@@ -47,7 +47,7 @@ TEST(PanelRun, OneWorkerAndTwoGiveTheSameBytes) {
   EXPECT_EQ(one, lines(3));
 }
 
-class ResumedPanel : public monitor::TemporaryFolder {};
+class ResumedPanel : public test::TemporaryFolder {};
 
 TEST_F(ResumedPanel, AnInterruptedArtifactResumesToTheSameId) {
   Contest contest = smoke();
@@ -103,7 +103,7 @@ TEST_F(ResumedPanel, AFailedRolloutBringsItsPostMortem) {
 // Goal: an artifact is computed anew from itself alone. Method: a panel whose policy lies above its robot file; its
 // files are removed once the rows are there, and what the artifact keeps gives the same rows; one byte of a kept file
 // does not.
-class KeptPanel : public monitor::TemporaryFolder {
+class KeptPanel : public test::TemporaryFolder {
  protected:
   void SetUp() override {
     namespace fs = std::filesystem;
@@ -229,7 +229,7 @@ TEST(OutsideProgram, IsKnownByTheFilesThatItsCommandNames) {
 
 // Goal: a panel ends with the seed that decides, killed and resumed or not. Method: two methods of which one never
 // moves; six seeds that all say the same are too few (14.4 of 20), seven are enough (26.8).
-class DecidedPanel : public monitor::TemporaryFolder {
+class DecidedPanel : public test::TemporaryFolder {
  protected:
   DecidedPanel() {
     Panel panel = load_panel("config/panels/smoke.yaml").value();

@@ -18,14 +18,14 @@
 #include "lab/panel/panel_plan.hpp"
 #include "lab/panel/worker_pool.hpp"
 #include "monitor/record/bounded_file.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::panel {
 namespace {
 
 constexpr const char* kPanel = "config/panels/stops.yaml";
 
-class StopsPanel : public monitor::TemporaryFolder {
+class StopsPanel : public test::TemporaryFolder {
  protected:
   // Of one method; `kind` empty: under every perturbation.
   Artifact run(const std::string& method, const std::string& kind = {}, std::uint64_t seeds = 0,

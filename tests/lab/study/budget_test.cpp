@@ -11,13 +11,12 @@
 #include "config/load.hpp"
 #include "lab/study/budget_sources.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::budget {
 namespace {
 
 using monitor::record_demo;
-using monitor::TemporaryFolder;
 
 Budget figure(std::optional<double> max_age_ms = {}) {
   const auto usual = usual_rates_Hz();
@@ -113,7 +112,7 @@ TEST(BudgetSources, ARobotFileKnowsCameraAndBuses) {
   EXPECT_EQ(question.max_age_ms, 150);
 }
 
-class RecordedBudget : public TemporaryFolder {};
+class RecordedBudget : public test::TemporaryFolder {};
 
 TEST_F(RecordedBudget, ARunsStagesAreItsMeasuredQuantiles) {
   const auto run = record_demo(path("run"));

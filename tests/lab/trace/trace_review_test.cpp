@@ -12,7 +12,7 @@
 #include "lab/trace/review.hpp"
 #include "lab/trace/trace_folders.hpp"
 #include "tests/lab/trace/trace_story.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -222,7 +222,7 @@ TEST(TraceReview, LostEventsAreNeverSilent) {
   EXPECT_EQ(to_json(review_of(story), reading, story.timeline()).at("losses").size(), 2U);
 }
 
-using TraceFolders = TemporaryFolder;
+using TraceFolders = test::TemporaryFolder;
 
 TEST_F(TraceFolders, SeveralSnapshotsAreRefusedByName) {
   const std::string folder = path("trace");

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -550,7 +550,7 @@ TEST(FaultSummaryList, KeepsTheGravest) {
   EXPECT_TRUE(std::ranges::is_sorted(summary.verdicts, {}, &FaultVerdict::first_tick));
 }
 
-class FaultsOfARun : public TemporaryFolder {};
+class FaultsOfARun : public test::TemporaryFolder {};
 
 TEST_F(FaultsOfARun, TheDemosFrozenPolicyIsAStall) {
   const RecordedRun run = record_demo(path("run"));

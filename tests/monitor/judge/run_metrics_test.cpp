@@ -17,12 +17,12 @@
 #include "monitor/record/run_events.hpp"
 #include "monitor/record/word_log.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
 
-class RunMetricsTest : public TemporaryFolder {
+class RunMetricsTest : public takt::test::TemporaryFolder {
  protected:
   const RecordedRun run_ = record_demo(path("run"));
 };

@@ -12,14 +12,14 @@
 #include "evidence/review/report/report_text.hpp"
 #include "evidence/review/run_review.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
 
 constexpr const char* kHint = "the policy host's log says";
 
-class ScriptTest : public TemporaryFolder {
+class ScriptTest : public test::TemporaryFolder {
  protected:
   ScriptTest() { std::filesystem::remove(run_.folder.seal()); }
 

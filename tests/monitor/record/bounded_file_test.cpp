@@ -14,12 +14,12 @@
 #include <fstream>
 #include <string>
 
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
 
-using ReplacedFile = TemporaryFolder;
+using ReplacedFile = test::TemporaryFolder;
 
 TEST_F(ReplacedFile, HasTheNewTextAndNothingIsLeftBeside) {
   ASSERT_TRUE(replace_file(path("metrics.json"), "old"));

@@ -12,7 +12,7 @@
 #include "config/load.hpp"
 #include "monitor/record/bounded_file.hpp"
 #include "monitor/record/image_file.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -34,7 +34,7 @@ Image image_of(std::uint8_t value, const config::ImageShape& shape = {48, 64, 3}
   return image;
 }
 
-class ImageStoreTest : public TemporaryFolder {
+class ImageStoreTest : public test::TemporaryFolder {
  protected:
   ImageFile keep(ImageStore& store, const Image& image, Duration at = {}) const {
     return store.keep(image.named, image.content, MonoTime{} + seconds(5) + at);

@@ -20,7 +20,7 @@
 #include "config/load.hpp"
 #include "executive/ipc/descriptor.hpp"
 #include "monitor/record/bounded_file.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -33,7 +33,7 @@ constexpr std::int64_t kSecond = 1'000'000'000;
 constexpr std::int64_t kIn2026 = 1'790'000'000 * kSecond;  // September
 constexpr std::int64_t kYear = 366 * 24 * 3600 * kSecond;
 
-class InterventionLogTest : public TemporaryFolder {
+class InterventionLogTest : public test::TemporaryFolder {
  protected:
   InterventionLogTest() { std::filesystem::create_directory(folder_); }
   // The file's lines, their ends included.

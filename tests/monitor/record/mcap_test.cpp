@@ -15,8 +15,8 @@
 #include "monitor/record/mcap_format.hpp"
 #include "monitor/record/mcap_reader.hpp"
 #include "monitor/record/mcap_writer.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
 #include "tests/support/files.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -24,7 +24,7 @@ namespace {
 constexpr std::uint64_t kMessages = 30;
 constexpr std::uint64_t kPerChunk = 10;
 
-class McapTest : public TemporaryFolder {
+class McapTest : public test::TemporaryFolder {
  protected:
   const std::string file_ = path("ticks.mcap");
   std::vector<std::uint64_t> ends_;  // file size after each chunk

@@ -17,9 +17,9 @@
 #include "monitor/record/mcap_writer.hpp"
 #include "monitor/record/message_schema.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
 #include "tests/support/files.hpp"
 #include "tests/support/shared_files.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -62,7 +62,7 @@ std::string with_moved_causes(std::string text) {
   return text;
 }
 
-class OtherVersions : public TemporaryFolder {
+class OtherVersions : public test::TemporaryFolder {
  protected:
   OtherVersions() : run_(record_demo(path("run"))) {}
 

@@ -15,7 +15,7 @@
 #include "monitor/record/recorded_run.hpp"
 #include "monitor/record/recorder.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -232,7 +232,7 @@ TEST(TokenBucket, HoldsNoMoreThanItMayAndFollowsNoClockBackwards) {
   EXPECT_EQ(taken(bucket), 0);
 }
 
-class RecordedInputTest : public TemporaryFolder {};
+class RecordedInputTest : public test::TemporaryFolder {};
 
 // Goal: an input that went through the recorder is in ticks.mcap, and a loss in the manifest.
 TEST_F(RecordedInputTest, IsInTheRunFolder) {

@@ -26,7 +26,7 @@
 #include "monitor/record/frame_log.hpp"
 #include "monitor/record/run_seal.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace {
 
@@ -49,7 +49,7 @@ extern "C" int fdatasync(int fd) {
 namespace takt::monitor {
 namespace {
 
-class RecorderTest : public TemporaryFolder {
+class RecorderTest : public test::TemporaryFolder {
  protected:
   ~RecorderTest() override { refused_file.clear(); }
   std::unique_ptr<Recorder> start(const std::string& directory, std::uint64_t max_file_bytes = 1U << 30U) {

@@ -6,12 +6,12 @@
 #include <gtest/gtest.h>
 
 #include "monitor/record/run_manifest.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
 
-class RunFolderTest : public TemporaryFolder {};
+class RunFolderTest : public test::TemporaryFolder {};
 
 TEST_F(RunFolderTest, AManifestNamesAnyPath) {
   const RunFolder folder(path(""));

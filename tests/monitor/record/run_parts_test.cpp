@@ -16,12 +16,12 @@
 #include "monitor/record/frame_log.hpp"
 #include "monitor/record/run_seal.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
 
-class RunPartsTest : public TemporaryFolder {
+class RunPartsTest : public test::TemporaryFolder {
  protected:
   void start(std::uint64_t part_bytes, const std::string& name = "run", Duration longest_part = kLongestPart) {
     auto started = RunParts::start(RunFolder::create(path(name)).value(), robot_.manifest(), demo_robot(), part_bytes,

@@ -15,7 +15,7 @@
 #include "monitor/record/bounded_file.hpp"
 #include "monitor/record/run_events.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -23,7 +23,7 @@ namespace {
 constexpr std::uint64_t kTicks = 35'000;  // of 1 ms
 constexpr std::array kGrownFiles{"ticks.mcap", "can.log.zst", "transitions.jsonl"};
 
-class RunSealTest : public TemporaryFolder {
+class RunSealTest : public test::TemporaryFolder {
  protected:
   void record_run() {
     VirtualRobot robot;

@@ -14,7 +14,7 @@
 #include "monitor/judge/run_metrics.hpp"
 #include "monitor/record/bounded_file.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -119,7 +119,7 @@ TEST(HoursLeft, AreAtThePaceOfTheNewestRuns) {
   EXPECT_DOUBLE_EQ(hours_left({stuck}, keeping(30, 100), 3 * kGib), 1.5);
 }
 
-class RunShelfTest : public TemporaryFolder {};
+class RunShelfTest : public test::TemporaryFolder {};
 
 TEST_F(RunShelfTest, TellsWhatLiesThere) {
   VirtualRobot robot;

@@ -11,12 +11,12 @@
 
 #include "executive/contract/monotonic_clock.hpp"
 #include "monitor/record/run_events.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
 
-class WordLogTest : public TemporaryFolder {
+class WordLogTest : public test::TemporaryFolder {
  protected:
   static PolicyWord word(PolicyWordKind kind, const std::string& sentence, std::uint64_t first_sequence = 0) {
     PolicyWord word;

@@ -10,15 +10,15 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "tests/monitor/record/temporary_folder.hpp"
 #include "tests/monitor/record/virtual_robot.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
 
 using Json = nlohmann::json;
 
-class OtlpSessions : public TemporaryFolder {
+class OtlpSessions : public test::TemporaryFolder {
  protected:
   OtlpSessions() { config_.otlp = config::Otlp{true, "", milliseconds(100)}; }
 

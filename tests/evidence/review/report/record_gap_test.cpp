@@ -12,14 +12,14 @@
 #include "evidence/review/run_review.hpp"
 #include "monitor/record/run_events.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
 
 namespace fs = std::filesystem;
 
-class RecordGapTest : public TemporaryFolder {
+class RecordGapTest : public test::TemporaryFolder {
  protected:
   // Another copy of the demo.
   RunFolder copy() {

@@ -10,12 +10,12 @@
 
 #include "monitor/judge/run_metrics.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
 
-class RunComparisonTest : public TemporaryFolder {
+class RunComparisonTest : public test::TemporaryFolder {
  protected:
   // A copy of the demo under another id.
   RecordedRun copy(const std::string& name) {

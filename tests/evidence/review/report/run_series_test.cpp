@@ -10,12 +10,12 @@
 #include <fstream>
 
 #include "tests/monitor/record/recorded_demo.hpp"
-#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {
 
-class RunSeriesTest : public TemporaryFolder {
+class RunSeriesTest : public test::TemporaryFolder {
  protected:
   RunSeries series(std::size_t whole_bytes, const std::string& truth = "") {
     auto found = series_of(run_, metrics_, faults_, truth, whole_bytes);
