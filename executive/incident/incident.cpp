@@ -70,6 +70,15 @@ std::string damped_text(const TickRecordHeader& header, const config::RobotConfi
   return fmt::format("the robot is {}", rest_text(robot));
 }
 
+// What a fault leaves of the robot (Limbs): one without a model is one limb, and one that may fall damps as a whole.
+std::string left_text(const config::RobotConfig& robot) {
+  if (robot.model)
+    return fmt::format("what hangs on them damps, the other joints of their limbs hold, the rest of the robot is {}",
+                       rest_text(robot));
+  if (config::holds_at_once(robot)) return fmt::format("the rest of the robot is {}", rest_text(robot));
+  return "every other joint damps and is never held, as the robot has no `model`; what they carry falls";
+}
+
 std::string done_text(const TickRecordHeader& header, const config::RobotConfig& robot) {
   const Cause cause = header.cause;
   if (cause == Cause::operator_deenergise) return "every drive lost its power; what hung fell";
@@ -77,10 +86,7 @@ std::string done_text(const TickRecordHeader& header, const config::RobotConfig&
   if (cause == Cause::shutdown)
     return fmt::format("the robot is {}, then loses its power", robot.model ? "damped to rest" : rest_text(robot));
   if (header.mode != Mode::fault_latched) return damped_text(header, robot);
-  return fmt::format(
-      "the failed drives get no power, what hangs on them damps, the other joints of their limbs hold, the rest of the "
-      "robot is {}; the fault stays latched",
-      rest_text(robot));
+  return fmt::format("the failed drives get no power, {}; the fault stays latched", left_text(robot));
 }
 
 std::string tilt_words(const TickRecordHeader& header, const config::Imu& limits) {

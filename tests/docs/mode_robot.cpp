@@ -22,6 +22,10 @@ void Robot::go(int ticks, OperatorRequest request) {
       *second_ = answer(fallback_wants, config.fallback_policy.hash);
       input.messages[Seat::fallback] = {Arrival::accepted, 0, second_.get(), second_->used_bytes()};
     }
+    if (config.imu.present) {
+      ++input.imu.sequence;
+      input.imu.sensed_at = now;
+    }
     if (due && speaks) *first_ = answer(wants, config.policy.hash);
     tick(due && speaks ? first_.get() : nullptr, i == 0 ? request : OperatorRequest::none);
   }

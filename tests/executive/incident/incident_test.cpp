@@ -343,13 +343,18 @@ TEST_F(IncidentTest, WithoutAModelItSaysWhatAStopDoes) {
   robot.model.reset();
   EXPECT_EQ(done(Mode::damped_stop, Cause::operator_stop), "the robot is " + held);
   EXPECT_EQ(done(Mode::damped_stop, Cause::shutdown), "the robot is " + held + ", then loses its power");
-  EXPECT_NE(done(Mode::fault_latched, Cause::drive_fault).find("the rest of the robot is " + held), std::string::npos);
+  EXPECT_EQ(done(Mode::fault_latched, Cause::drive_fault),
+            "the failed drives get no power, the rest of the robot is " + held + "; the fault stays latched");
   robot.stops = {{"operator_stop", config::StopHow::hold, seconds(2), "none"}};
   EXPECT_EQ(done(Mode::damped_stop, Cause::operator_stop), "the robot is braked and held, after 2 s " + held);
   robot.stops.clear();
   robot.imu.emplace();
   EXPECT_EQ(done(Mode::damped_stop, Cause::operator_stop),
             "the robot is damped until it rests and then held; it has no `model`, so what its joints carry falls");
+  EXPECT_EQ(done(Mode::fault_latched, Cause::drive_fault),
+            "the failed drives get no power, every other joint damps and is never held, as the robot has no `model`; "
+            "what they carry falls; the fault stays latched")
+      << "a free base without a model damps as a whole (Limbs)";
 }
 
 // Goal: the incident says what is done about the stop, as the robot file has it, and not what others do.
