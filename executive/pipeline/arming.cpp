@@ -13,8 +13,8 @@ namespace {
 class BlockerList {
  public:
   explicit BlockerList(std::span<ArmingBlocker> out) : out_(out) {}
-  void add_if(bool blocked, std::string_view what, std::int32_t joint = -1) {
-    if (blocked && count_ < out_.size()) out_[count_++] = {what, joint};
+  void add_if(bool blocked, std::string_view what, std::int32_t joint = -1, Cause cause = Cause::none) {
+    if (blocked && count_ < out_.size()) out_[count_++] = {what, joint, cause};
   }
   [[nodiscard]] std::size_t count() const { return count_; }
 
@@ -157,7 +157,7 @@ std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, 
               "a drive is too hot, or has not cooled by 5 degrees yet (limits.temperature)");
   list.add_if((header.causes_active & bit(Cause::internal_error)) != 0, "internal error");
   for (const BusBlocker& blocker : kBusBlockers)
-    list.add_if((header.causes_active & bit(blocker.cause)) != 0, blocker.what);
+    list.add_if((header.causes_active & bit(blocker.cause)) != 0, blocker.what, -1, blocker.cause);
   for (std::size_t j = 0; j < header.joint_count && j < config.joint_count; ++j)
     list_joint(latest.joints[j], static_cast<std::int32_t>(j), header, config, list);
   return list.count();

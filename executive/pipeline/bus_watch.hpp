@@ -40,6 +40,10 @@ class LeakyCount {
   [[nodiscard]] bool exceeds(std::uint32_t share, std::uint32_t window_ticks) const {
     return level_ > share * window_ticks;
   }
+  // 0..1, of the window's ticks.
+  [[nodiscard]] double share(std::uint32_t window_ticks) const {
+    return static_cast<double>(level_) / kWholeShare / window_ticks;
+  }
 
  private:
   std::uint32_t level_ = 0;

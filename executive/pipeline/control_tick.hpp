@@ -94,8 +94,9 @@ void control_tick(TickState& state, const TickInput& input, const TickConfig& co
 // Pure.
 inline constexpr std::string_view kDriveFaultBlocker = "the drive reports a fault";
 struct ArmingBlocker {
-  std::string_view what;    // "no fresh command: ...", "no recent feedback from the drive", ...
-  std::int32_t joint = -1;  // -1: the whole robot
+  std::string_view what;      // "no fresh command: ...", "no recent feedback from the drive", ...
+  std::int32_t joint = -1;    // -1: the whole robot
+  Cause cause = Cause::none;  // of a bus
 };
 std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, std::span<ArmingBlocker> out) noexcept;
 

@@ -23,7 +23,8 @@ namespace {
 constexpr std::size_t kMaxBlockers = 8 * kMaxJoints;
 
 std::string sentence_of(const pipeline::ArmingBlocker& blocker, const TickRecord& latest,
-                        const std::vector<config::Joint>& joints) {
+                        const config::RobotConfig& robot) {
+  const std::vector<config::Joint>& joints = robot.joints;
   std::string what(blocker.what);
   if (blocker.joint < 0) return what;
   const auto joint = static_cast<std::size_t>(blocker.joint);
@@ -36,8 +37,7 @@ std::string sentence_of(const pipeline::ArmingBlocker& blocker, const TickRecord
 }  // namespace
 
 std::vector<std::string> missing_for_arming(const TickRecord& latest, const pipeline::TickConfig& config,
-                                            const std::vector<config::Joint>& joints,
-                                            const ArmingSituation& situation) {
+                                            const config::RobotConfig& robot, const ArmingSituation& situation) {
   if (situation.shutting_down) return {"the executive is shutting down: start it again"};
   std::vector<std::string> sentences;
   if (!situation.realtime && !situation.allow_non_realtime) {
@@ -54,18 +54,23 @@ std::vector<std::string> missing_for_arming(const TickRecord& latest, const pipe
   std::array<pipeline::ArmingBlocker, kMaxBlockers> blockers{};
   const std::size_t count = pipeline::arming_blockers(latest, config, blockers);
   for (const auto& blocker : std::span(blockers).first(std::min(count, blockers.size()))) {
-    sentences.push_back(sentence_of(blocker, latest, joints));
+    const auto falling = situation.buses != nullptr ? situation.buses->falling(blocker.cause, robot.buses)
+                                                    : std::optional<std::vector<std::string>>();
+    if (falling)
+      sentences.insert(sentences.end(), falling->begin(), falling->end());
+    else
+      sentences.push_back(sentence_of(blocker, latest, robot));
   }
   return sentences;
 }
 
 std::vector<std::string> drive_faults(const TickRecord& latest, const pipeline::TickConfig& config,
-                                      const std::vector<config::Joint>& joints) {
+                                      const config::RobotConfig& robot) {
   std::array<pipeline::ArmingBlocker, kMaxBlockers> blockers{};
   const std::size_t count = pipeline::arming_blockers(latest, config, blockers);
   std::vector<std::string> sentences;
   for (const auto& blocker : std::span(blockers).first(std::min(count, blockers.size())))
-    if (blocker.what == pipeline::kDriveFaultBlocker) sentences.push_back(sentence_of(blocker, latest, joints));
+    if (blocker.what == pipeline::kDriveFaultBlocker) sentences.push_back(sentence_of(blocker, latest, robot));
   return sentences;
 }
 

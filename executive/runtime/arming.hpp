@@ -8,12 +8,14 @@
 #include "config/robot_config.hpp"
 #include "executive/contract/tick_record.hpp"
 #include "executive/pipeline/tick_config.hpp"
+#include "executive/runtime/bus_shares.hpp"
 
 namespace takt::runtime {
 
 // What the service thread knows and the tick does not.
 struct ArmingSituation {
-  bool policy_attached = false;  // the one in charge
+  const BusShares* buses = nullptr;  // null: the ticks before this one are not known
+  bool policy_attached = false;      // the one in charge
   bool realtime = false;
   bool allow_non_realtime = false;
   bool shutting_down = false;
@@ -22,11 +24,11 @@ struct ArmingSituation {
 
 // One sentence each; empty: may be armed.
 std::vector<std::string> missing_for_arming(const TickRecord& latest, const pipeline::TickConfig& config,
-                                            const std::vector<config::Joint>& joints, const ArmingSituation& situation);
+                                            const config::RobotConfig& robot, const ArmingSituation& situation);
 
 // Of these the faults that drives report.
 std::vector<std::string> drive_faults(const TickRecord& latest, const pipeline::TickConfig& config,
-                                      const std::vector<config::Joint>& joints);
+                                      const config::RobotConfig& robot);
 
 // Why a reset is refused while the robot moves: names the fastest of the joints that are `asked` to rest.
 std::string still_moves(const TickRecord& latest, JointMask asked, const pipeline::TickConfig& config,

@@ -62,7 +62,7 @@ OperatorReply Reception::answer(pid_t asker, const OperatorMessage& message, std
       reply.done = 1;
       parts_.follower.catch_up();
       if (const TickRecord& latest = parts_.follower.latest(); latest.header.mode == Mode::standby)
-        for (const std::string& fault : drive_faults(latest, parts_.config, parts_.robot.joints)) say(reply, fault);
+        for (const std::string& fault : drive_faults(latest, parts_.config, parts_.robot)) say(reply, fault);
       for (const Seat seat : kSeats)
         if (const std::string problem = words_.problem(kPolicyRoles[seat]); !problem.empty() && leases_[seat].attached)
           say(reply, fmt::format("{}: {}", name(kPolicyRoles[seat]), problem));
@@ -110,8 +110,9 @@ bool Reception::wait_for(OperatorRequest request, std::uint64_t after_tick) {
 }
 
 std::vector<std::string> Reception::missing() const {
-  return missing_for_arming(parts_.follower.latest(), parts_.config, parts_.robot.joints,
-                            {.policy_attached = leases_[seat_in_charge()].attached,
+  return missing_for_arming(parts_.follower.latest(), parts_.config, parts_.robot,
+                            {.buses = &parts_.follower.buses(),
+                             .policy_attached = leases_[seat_in_charge()].attached,
                              .realtime = realtime_,
                              .allow_non_realtime = allow_non_realtime_,
                              .shutting_down = shutting_down_,

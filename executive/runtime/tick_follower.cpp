@@ -8,7 +8,7 @@
 namespace takt::runtime {
 
 TickFollower::TickFollower(ipc::SlotReader ticks, const pipeline::TickConfig& config, OnTransition on_transition)
-    : ticks_(ticks), config_(config), on_transition_(std::move(on_transition)) {}
+    : ticks_(ticks), config_(config), on_transition_(std::move(on_transition)), buses_(config) {}
 
 void TickFollower::catch_up() {
   while (true) {
@@ -22,6 +22,7 @@ void TickFollower::catch_up() {
 void TickFollower::follow() {
   const TickRecordHeader& tick = latest_.header;
   if (incidents_ != nullptr) incidents_->tick(latest_);
+  buses_.take(tick);
   if (queues_ != nullptr) queues_->take(tick);
   if (tick.mode != tick.previous_mode) on_transition_(latest_);
   if (tick.candidate.change != PolicyChange::none && on_policy_change_) on_policy_change_(latest_);

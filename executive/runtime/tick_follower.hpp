@@ -13,6 +13,7 @@
 #include "executive/ipc/slot_ring.hpp"
 #include "executive/pipeline/rest_watch.hpp"
 #include "executive/pipeline/tick_config.hpp"
+#include "executive/runtime/bus_shares.hpp"
 #include "executive/runtime/queue_watch.hpp"
 
 namespace takt::runtime {
@@ -38,6 +39,7 @@ class TickFollower {
   void catch_up();
   // All zero before the first tick.
   [[nodiscard]] const TickRecord& latest() const { return latest_; }
+  [[nodiscard]] const BusShares& buses() const { return buses_; }
   // Every joint, but passive ones and those whose drives a latched fault gave up, rests by the rule of
   // pipeline/rest_watch.hpp.
   [[nodiscard]] bool rests() const;
@@ -63,6 +65,7 @@ class TickFollower {
   JointMask moved_unheard_ = 0;
   IncidentWatch* incidents_ = nullptr;
   QueueWatch* queues_ = nullptr;
+  BusShares buses_;
   TickRecord latest_{};
   pipeline::RestWatch rest_;
   std::array<std::uint64_t, kOperatorRequestCount> last_read_{};  // tick that last read each request; 0 never
