@@ -38,8 +38,8 @@ std::expected<int, Refusal> set_zero(const BusZeroOptions& options) {
     return std::unexpected(
         Refusal{kExitFailed,
                 fmt::format("joint {}: its drive forgets its zero with its supply, so it is told at every power-up: "
-                            "takt joint home {}",
-                            joint.name, joint.name)});
+                            "{}",
+                            joint.name, drivers::home_command(robot->config, *index))});
   auto driver = drivers::make_lone_driver(robot->config, *index);
   if (!driver) return std::unexpected(Refusal{config::kExitBadConfiguration, driver.error()});
   auto bus = open_bus(*robot, joint.bus);

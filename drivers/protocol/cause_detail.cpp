@@ -66,10 +66,17 @@ std::string with_unit(double number, int after_point, const config::JointQuantit
   return digits(number, after_point) + " " + std::string(quantity.unit(of.kind));
 }
 
-std::string drive_error(const JointRecord& joint, const config::Joint& known) {
-  const JointFeedback& feedback = joint.feedback;
-  if (feedback.drive_state != DriveState::fault && feedback.error_code == 0) return {};
-  return feedback.error_code == 0 ? "the drive reports a fault" : error_name(known.drive, feedback.error_code);
+CauseFindings drive_errors(const TickRecord& record, const config::RobotConfig& robot) {
+  CauseFindings found;
+  const std::size_t count = std::min<std::size_t>(record.header.joint_count, robot.joints.size());
+  for (std::size_t j = 0; j < count; ++j) {
+    const JointFeedback& feedback = record.joints[j].feedback;
+    if (feedback.drive_state != DriveState::fault && feedback.error_code == 0) continue;
+    found.push_back(
+        {CausePlace::joint, j,
+         feedback.error_code == 0 ? "the drive reports a fault" : error_text(robot, j, feedback.error_code)});
+  }
+  return found;
 }
 
 std::string refused_frame(const JointRecord& joint, const config::Joint& /*known*/) {
@@ -160,7 +167,7 @@ OfJoint replies_with(ReplyFault fault, const std::string& what) {
 CauseFindings cause_findings(Cause cause, const TickRecord& record, const config::RobotConfig& robot) {
   switch (cause) {
     case Cause::drive_fault:
-      return joints_where(record, robot, drive_error);
+      return drive_errors(record, robot);
     case Cause::drive_disabled:
       return joints_where(record, robot, [](const JointRecord& joint, const config::Joint&) {
         return joint.feedback.drive_state == DriveState::disabled ? "left the enabled state by itself" : "";

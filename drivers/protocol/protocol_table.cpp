@@ -29,7 +29,12 @@ constexpr std::array kProtocols{
              moteus_settings_told},
 };
 
-std::string setup_fault_name(std::uint32_t code) {
+std::string home_command(std::string_view joint, std::string_view file, std::string_view place) {
+  return "takt joint home " + std::string(joint) + " --robot " + std::string(file) + " --at " + std::string(place);
+}
+
+// `home`: the command that tells a drive its place.
+std::string setup_fault_name(std::uint32_t code, const std::string& home) {
   if ((code & 0x8000'0000U) == 0) return {};
   switch (kind_of(code)) {
     case SetupFault::settings_differ:
@@ -48,8 +53,8 @@ std::string setup_fault_name(std::uint32_t code) {
     case SetupFault::other_protocol:
       return "the drive speaks another protocol than the robot file says";
     case SetupFault::home_unknown:
-      return "the drive does not know where the joint is since power-on, so no limit holds (run `takt joint home "
-             "JOINT`)";
+      return "where the joint is, is not known: its drive started, or fell silent and may have lost its supply (" +
+             home + ")";
   }
   return {};
 }
@@ -87,15 +92,32 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_lone_driver(const 
   return make_joint_driver(alone, 0);
 }
 
-std::string error_name(const config::Drive& drive, std::uint32_t code) {
+namespace {
+
+std::string error_name(const config::Drive& drive, std::uint32_t code, const std::string& home) {
   const Protocol* const protocol = find_protocol(drive.protocol);
   std::string own_name = protocol == nullptr ? std::string() : protocol->error_name(drive, code);
-  if (const std::string name = setup_fault_name(code); !name.empty())
+  if (const std::string name = setup_fault_name(code, home); !name.empty())
     return setting_of(code) != 0 && !own_name.empty() ? name + ": " + own_name : name;
   if (!own_name.empty()) return own_name;
   std::array<char, 32> number{};
   std::snprintf(number.data(), number.size(), "error code 0x%x", code);
   return number.data();
+}
+
+}  // namespace
+
+std::string error_name(const config::Drive& drive, std::uint32_t code) {
+  return error_name(drive, code, home_command("JOINT", "FILE", "ANGLE"));
+}
+
+std::string home_command(const config::RobotConfig& robot, std::size_t joint) {
+  const config::Joint& known = robot.joints.at(joint);
+  return home_command(known.name, robot.file, known.kind == config::JointKind::slide ? "LENGTH" : "ANGLE");
+}
+
+std::string error_text(const config::RobotConfig& robot, std::size_t joint, std::uint32_t code) {
+  return error_name(robot.joints.at(joint).drive, code, home_command(robot, joint));
 }
 
 }  // namespace takt::drivers

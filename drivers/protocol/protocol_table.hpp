@@ -57,5 +57,9 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_lone_driver(const 
 
 // Never empty: an unknown code comes out as its number.
 std::string error_name(const config::Drive& drive, std::uint32_t code);
+// The same of a robot's joint, a command in it as it is typed but for the place.
+std::string error_text(const config::RobotConfig& robot, std::size_t joint, std::uint32_t code);
+// "takt joint home elbow --robot robot.yaml --at ANGLE"
+std::string home_command(const config::RobotConfig& robot, std::size_t joint);
 
 }  // namespace takt::drivers

@@ -30,7 +30,7 @@ std::string sentence_of(const pipeline::ArmingBlocker& blocker, const TickRecord
   const auto joint = static_cast<std::size_t>(blocker.joint);
   const std::uint32_t code = latest.joints[joint].feedback.error_code;
   if (blocker.what == pipeline::kDriveFaultBlocker && code != 0 && joint < joints.size())
-    what += ": " + drivers::error_name(joints[joint].drive, code);
+    what += ": " + drivers::error_text(robot, joint, code);
   return "joint " + (joint < joints.size() ? joints[joint].name : std::to_string(joint)) + ": " + what;
 }
 

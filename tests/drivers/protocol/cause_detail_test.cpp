@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "config/load.hpp"
+#include "drivers/protocol/joint_driver.hpp"
 
 namespace takt::drivers {
 namespace {
@@ -39,6 +40,19 @@ TEST_F(CauseDetail, NamesEveryJointAndWhatItsDriveSays) {
             "joint elbow: output stage over-temperature; joint wrist_roll: the drive reports a fault");
   record->joints[3].feedback.drive_state = DriveState::disabled;
   EXPECT_EQ(detail(Cause::drive_disabled), "joint wrist_roll: left the enabled state by itself");
+}
+
+// Goal: of a drive whose joint may be anywhere the sentence claims no loss of power, and its command works as typed but
+// for the place. Method: the fault that the drivers report after a start or a silence, of a rotary joint and a slide.
+TEST_F(CauseDetail, APlaceThatIsNotKnownComesWithTheCommandThatTellsIt) {
+  record->joints[2].feedback = {.received_at = record->header.now,
+                                .error_code = setup_fault_code(SetupFault::home_unknown),
+                                .drive_state = DriveState::fault};
+  const std::string known =
+      "joint elbow: where the joint is, is not known: its drive started, or fell silent and may have lost its supply ";
+  EXPECT_EQ(detail(Cause::drive_fault), known + "(takt joint home elbow --robot config/arm6.yaml --at ANGLE)");
+  robot.joints[2].kind = config::JointKind::slide;
+  EXPECT_EQ(detail(Cause::drive_fault), known + "(takt joint home elbow --robot config/arm6.yaml --at LENGTH)");
 }
 
 TEST_F(CauseDetail, TellsHowLongAJointWasSilent) {

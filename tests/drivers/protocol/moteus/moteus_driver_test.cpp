@@ -106,7 +106,7 @@ TEST(MoteusDriver, AnUnknownHomeIsAFaultUntilTheDriveKnowsIt) {
     bench.reply("00", "00", false, home);
     EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::fault) << home;
     const std::string name = error_name(drive, bench.driver.feedback().error_code);
-    EXPECT_NE(name.find("does not know where the joint is"), std::string::npos) << name;
+    EXPECT_NE(name.find("where the joint is, is not known"), std::string::npos) << name;
     EXPECT_NE(name.find("register 00C"), std::string::npos) << name;
   }
   bench.reply("00");
