@@ -86,7 +86,7 @@ deploy::WantedHosts wanted_hosts(const config::RobotConfig& robot) {
 
 Watched watch(const DeployedRobot& place, const config::RobotConfig& robot, const deploy::ProbationTimes& times,
               bool arm) {
-  deploy::Probation probation(times, wanted_hosts(robot));
+  deploy::Probation probation(times, wanted_hosts(robot), place.runtime_directory);
   const MonoTime started = monotonic_now();
   while (g_given_up == 0) {
     const deploy::Stage stage = probation.look(monotonic_now() - started, status_of(place));
@@ -101,7 +101,7 @@ Watched watch(const DeployedRobot& place, const config::RobotConfig& robot, cons
 
 std::expected<void, Refusal> restart_and_wait(const DeployedRobot& robot, deploy::WantedHosts wanted) {
   if (const auto restarted = restart(robot); !restarted || robot.restart.empty()) return restarted;
-  deploy::Probation probation({}, wanted);
+  deploy::Probation probation({}, wanted, robot.runtime_directory);
   const MonoTime started = monotonic_now();
   for (;; wait_a_little()) {
     const deploy::Stage stage = probation.look(monotonic_now() - started, status_of(robot));

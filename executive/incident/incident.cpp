@@ -89,6 +89,13 @@ std::string done_text(const TickRecordHeader& header, const config::RobotConfig&
   return fmt::format("the failed drives get no power, {}; the fault stays latched", left_text(robot));
 }
 
+// Of the policy's commands.
+std::string newest_text(const TickRecordHeader& header) {
+  return header.seats[Seat::policy].freshness == Freshness::missing
+             ? "none is left"
+             : fmt::format("the newest is {:.0f} ms old", header.age.total().milliseconds());
+}
+
 std::string tilt_words(const TickRecordHeader& header, const config::Imu& limits) {
   const auto& turning = header.imu.angular_velocity;
   return fmt::format(
@@ -144,6 +151,22 @@ std::vector<std::pair<Mode, Cause>> possible_transitions() {
       if (change.first != static_cast<Mode>(from) && std::ranges::find(all, change) == all.end()) all.push_back(change);
     }
   return all;
+}
+
+std::string degraded_sentence(const TickRecord& record, const config::RobotConfig& robot) {
+  const TickRecordHeader& header = record.header;
+  std::string what = drivers::cause_detail(header.cause, record, robot);
+  if (header.cause == Cause::contract_violated)
+    what = fmt::format("{} of the window's {} ticks had no usable command (freshness.epsilon {:g}); {}",
+                       header.window_misses, header.window_ticks, robot.freshness.epsilon, newest_text(header));
+  if (header.cause == Cause::command_late) {
+    const double by_window_ms = robot.freshness.epsilon * robot.freshness.window.milliseconds();
+    const double after_ms = robot.degraded.after.milliseconds();
+    const bool is_after = after_ms > 0 && after_ms < by_window_ms;
+    what = fmt::format("no usable command came for {:g} ms ({}); {}", is_after ? after_ms : by_window_ms,
+                       is_after ? "degraded.after" : "freshness.epsilon of freshness.window", newest_text(header));
+  }
+  return fmt::format("degraded at tick {}: {}{}{}", header.tick, name(header.cause), what.empty() ? "" : ": ", what);
 }
 
 IncidentWatch::IncidentWatch(const config::RobotConfig& robot) : robot_(robot) {
@@ -286,9 +309,7 @@ std::string IncidentWatch::words(const TickRecord& record) const {
   const TickRecordHeader& header = record.header;
   const config::Fallback* const fallback = config::fallback_policy_of(robot_);
   const bool may_have_fallen_back = fallback != nullptr && header.previous_mode == Mode::degraded;
-  const std::string newest = header.seats[Seat::policy].freshness == Freshness::missing
-                                 ? "none is left"
-                                 : fmt::format("the newest is {:.0f} ms old", header.age.total().milliseconds());
+  const std::string newest = newest_text(header);
   switch (header.cause) {
     case Cause::operator_stop:
       return "a person asked for it";

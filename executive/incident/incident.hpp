@@ -51,6 +51,10 @@ bool is_asked(Cause cause);
 // first one happens.
 std::vector<std::pair<Mode, Cause>> possible_transitions();
 
+// Of a record in which the robot became degraded: "degraded at tick 1034: command_late: no usable command came for
+// 10 ms (degraded.after); the newest is 157 ms old". No line end.
+std::string degraded_sentence(const TickRecord& record, const config::RobotConfig& robot);
+
 inline constexpr Duration kSignLasts = milliseconds(100);
 
 // Follows a robot tick by tick. Allocates when something is wrong. Thread rule: one thread at a time, never the control

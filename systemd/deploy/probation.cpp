@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <string_view>
 #include <utility>
 
 namespace takt::deploy {
@@ -37,9 +36,9 @@ Stage Probation::look(Duration now, const std::optional<StatusSnapshot>& status)
 }
 
 Stage Probation::start(Duration now, const std::optional<StatusSnapshot>& status) {
-  std::string_view missing;
+  std::string missing;
   if (!status)
-    missing = "no executive answers";
+    missing = fmt::format("no executive answers in {}; --runtime-dir names another directory", runtime_directory_);
   else if (wanted_.policy && status->policy_pids[Seat::policy] == 0)
     missing = "no policy is attached to the executive";
   else if (wanted_.fallback && status->policy_pids[Seat::fallback] == 0)

@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "executive/contract/session.hpp"
 
@@ -47,7 +48,9 @@ struct WantedHosts {
 
 class Probation {
  public:
-  Probation(const ProbationTimes& times, WantedHosts wanted) : times_(times), wanted_(wanted) {}
+  // `runtime_directory`: where its executive is asked, for the reason.
+  Probation(const ProbationTimes& times, WantedHosts wanted, std::string runtime_directory)
+      : times_(times), wanted_(wanted), runtime_directory_(std::move(runtime_directory)) {}
   // `now`: since the robot was started; `status`: absent when no executive answered.
   Stage look(Duration now, const std::optional<StatusSnapshot>& status);
   // Why it is over; empty before.
@@ -61,6 +64,7 @@ class Probation {
 
   ProbationTimes times_;
   WantedHosts wanted_;
+  std::string runtime_directory_;
   Stage stage_ = Stage::starting;
   Duration since_;  // of this stage
   std::uint64_t ticks_ = 0;

@@ -8,6 +8,7 @@
 #include "config/observation_shape.hpp"
 #include "config/policy_signature.hpp"
 #include "evidence/rollout/rollout.hpp"
+#include "executive/incident/incident.hpp"
 #include "policy_host/engines/load_policy.hpp"
 #include "policy_host/fenced_load.hpp"
 #include "policy_host/policy_fit.hpp"
@@ -19,10 +20,27 @@ namespace {
 constexpr Duration kScored = seconds(1);
 constexpr double kAnyError_m = 1e9;
 
-std::string trouble_in(const panel::RolloutRow& row) {
-  if (row.safety.entered_fault_latched > 0) return fmt::format("a fault was latched: {}", name(row.final_cause));
-  if (row.safety.entered_damped_stop > 0) return fmt::format("it came to a damped stop: {}", name(row.final_cause));
-  if (row.safety.entered_degraded > 0) return "the robot was degraded";
+// The first stop or fault, and the first tick that was degraded, in their own sentences.
+class Troubles {
+ public:
+  explicit Troubles(const config::RobotConfig& robot) : robot_(robot), incidents_(robot) {}
+  void look(const TickRecord& record) {
+    const TickRecordHeader& header = record.header;
+    if (const auto incident = incidents_.tick(record); incident && stop_.empty()) stop_ = incident->sentence;
+    if (header.mode == Mode::degraded && header.previous_mode != Mode::degraded && degraded_.empty())
+      degraded_ = degraded_sentence(record, robot_);
+  }
+  // The worse of the two; empty: neither.
+  [[nodiscard]] const std::string& worst() const { return stop_.empty() ? degraded_ : stop_; }
+
+ private:
+  const config::RobotConfig& robot_;
+  IncidentWatch incidents_;
+  std::string stop_, degraded_;
+};
+
+std::string trouble_in(const panel::RolloutRow& row, const Troubles& troubles) {
+  if (!troubles.worst().empty()) return troubles.worst();
   if (row.safety.envelope_violations > 0)
     return fmt::format("measured values left the envelope in {} ticks", row.safety.envelope_violations);
   if (row.final_mode != Mode::tracking)
@@ -39,6 +57,7 @@ std::expected<std::string, std::string> roll_out(const config::RobotConfig& robo
   const auto task = panel::task_of(robot, world);
   if (!task) return std::unexpected(task.error());
   panel::RolloutRow row;
+  Troubles troubles(robot);
   std::string end;
   const panel::RolloutSetup setup{.robot = robot,
                                   .policy = policy,
@@ -50,6 +69,7 @@ std::expected<std::string, std::string> roll_out(const config::RobotConfig& robo
                                   .duration = kSmokeLength,
                                   .scored = kScored,
                                   .bound_m = kAnyError_m,
+                                  .on_tick = [&](const TickRecord& record) { troubles.look(record); },
                                   .world = world,
                                   .on_world_end =
                                       [&](const plant::WorldEnd& ended) {
@@ -58,7 +78,7 @@ std::expected<std::string, std::string> roll_out(const config::RobotConfig& robo
                                   .on_silence = [&](const std::string& why) { end = why; }};
   if (const auto ran = panel::run_rollout(setup, row); !ran) return std::unexpected(ran.error());
   if (!end.empty()) return std::unexpected(end);
-  if (const std::string trouble = trouble_in(row); !trouble.empty())
+  if (const std::string trouble = trouble_in(row, troubles); !trouble.empty())
     return std::unexpected(fmt::format("{:.0f} s in virtual time: {}", kSmokeLength.seconds(), trouble));
   return fmt::format("tracked for {:.0f} s in virtual time", kSmokeLength.seconds());
 }

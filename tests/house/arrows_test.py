@@ -52,7 +52,7 @@ MAY_USE = {
     "lab/trace": f"{SHARED} monitor/record monitor/judge",
     "lab/policy_trial": f"{SHARED} policy_host",
     "systemd/doctor": f"{SHARED} drivers/bus",
-    "systemd/deploy": f"{SHARED} policy_host evidence/rollout",
+    "systemd/deploy": f"{SHARED} executive/incident policy_host evidence/rollout",
     "cli/run": f"{SHARED} executive/incident cli drivers/protocol policy_host monitor/record simulation evidence/attestation",
     "cli/evidence": f"{SHARED} cli cli/run monitor/record monitor/judge evidence/review",
     "cli/lab": f"{SHARED} cli cli/run policy_host monitor/record monitor/judge evidence/attestation evidence/review evidence/rollout "

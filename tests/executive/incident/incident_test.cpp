@@ -357,6 +357,36 @@ TEST_F(IncidentTest, WithoutAModelItSaysWhatAStopDoes) {
       << "a free base without a model damps as a whole (Limbs)";
 }
 
+// Goal: the entry into degraded has its cause, tick and measure, as a stop has. Method: each cause that degrades, with
+// either limit of a silence.
+TEST_F(IncidentTest, ADegradedRobotIsToldWithCauseTickAndMeasure) {
+  enter(Mode::degraded, Cause::command_late);
+  record.header.age.hold = milliseconds(160);
+  const auto said = [this](Cause cause) {
+    record.header.cause = cause;
+    return degraded_sentence(record, robot);
+  };
+  const std::string begin = "degraded at tick " + std::to_string(record.header.tick) + ": ";
+  EXPECT_EQ(said(Cause::command_late),
+            begin +
+                "command_late: no usable command came for 10 ms (freshness.epsilon of freshness.window); the newest "
+                "is 160 ms old");
+  robot.degraded.after = milliseconds(5);
+  EXPECT_EQ(said(Cause::command_late),
+            begin + "command_late: no usable command came for 5 ms (degraded.after); the newest is 160 ms old");
+  record.header.window_misses = 12;
+  record.header.window_ticks = 900;
+  record.header.seats[Seat::policy].freshness = Freshness::missing;
+  EXPECT_EQ(said(Cause::contract_violated),
+            begin +
+                "contract_violated: 12 of the window's 900 ticks had no usable command (freshness.epsilon 0.01); "
+                "none is left");
+  robot.joints[2].limits.temperature = config::TemperatureLimits{.warning = 80, .stop = 90};
+  record.joints[2].feedback.temperature_C = 85;
+  EXPECT_EQ(said(Cause::temperature_high),
+            begin + "temperature_high: joint elbow: at 85 degC, beyond temperature.warning 80");
+}
+
 // Goal: the incident says what is done about the stop, as the robot file has it, and not what others do.
 TEST_F(FallbackIncident, SaysHowTheRobotIsStopped) {
   using config::StopHow;

@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include <regex>
+
 #include "config/load.hpp"
 #include "tests/simulation/looking_arm.hpp"
 #include "tests/support/temporary_directory.hpp"
@@ -32,6 +34,23 @@ TEST(SmokeRun, AContractThatThePolicyCannotKeepFails) {
   const auto failed = tried({{"freshness.max_age", "22 ms"}});
   ASSERT_FALSE(failed.has_value());
   EXPECT_NE(failed.error().find("virtual time"), std::string::npos) << failed.error();
+}
+
+// Goal: what ended a smoke run is told with its cause and tick, a stop in its incident's sentence. Method: a policy
+// that takes longer than the arm's contract allows now and then, degraded, and stopped for it.
+TEST(SmokeRun, TellsTheCauseAndTheTick) {
+  const auto degraded = tried({}, "config/arm6_flow.yaml");
+  ASSERT_FALSE(degraded.has_value());
+  EXPECT_TRUE(std::regex_match(
+      degraded.error(),
+      std::regex("5 s in virtual time: degraded at tick \\d+: command_late: no usable command came for 10 ms "
+                 "\\(freshness.epsilon of freshness.window\\); the newest is \\d+ ms old")))
+      << degraded.error();
+  const auto stopped = tried({{"degraded.for", "20 ms"}}, "config/arm6_flow.yaml");
+  ASSERT_FALSE(stopped.has_value());
+  EXPECT_EQ(stopped.error().find("5 s in virtual time: stop at tick "), 0U) << stopped.error();
+  EXPECT_NE(stopped.error().find(": degraded_spent: the robot has been degraded for 0.02 s"), std::string::npos)
+      << stopped.error();
 }
 
 TEST(SmokeRun, AnotherRobotsPolicyFails) {
