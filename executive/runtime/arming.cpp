@@ -91,6 +91,26 @@ std::string still_moves(const TickRecord& latest, JointMask asked, const pipelin
                      kAwaitRest);
 }
 
+std::string lack_of_observations(const TickRecord& latest, const pipeline::TickConfig& config,
+                                 const config::RobotConfig& robot) {
+  constexpr std::size_t kNamed = 3;
+  const TickRecordHeader& header = latest.header;
+  std::string joints;
+  std::size_t silent = 0;
+  for (std::size_t j = 0; j < std::min<std::size_t>(header.joint_count, robot.joints.size()); ++j) {
+    const MonoTime heard = latest.joints[j].feedback.received_at;
+    if (heard.is_set() && header.now - heard <= config.feedback_timeout) continue;
+    if (++silent <= kNamed) joints += (silent == 1 ? "" : ", ") + robot.joints[j].name;
+  }
+  if (silent > kNamed) joints += fmt::format(" and {} more", silent - kNamed);
+  if (silent == 1) return fmt::format("it gets no fresh observation: joint {} is silent", joints);
+  if (silent > 1) return fmt::format("it gets no fresh observation: joints {} are silent", joints);
+  const MonoTime sensed = header.imu.sensed_at;
+  if (header.tick != 0 && config.imu.present && (!sensed.is_set() || header.now - sensed > config.imu.timeout))
+    return fmt::format("it gets no fresh observation: sensor {} is silent", robot.imu.value_or(config::Imu{}).sensor);
+  return {};
+}
+
 std::string active_causes(const TickRecordHeader& tick) {
   std::string names;
   for (std::size_t cause = 1; cause < kCauseCount; ++cause) {

@@ -34,6 +34,10 @@ std::vector<std::string> drive_faults(const TickRecord& latest, const pipeline::
 std::string still_moves(const TickRecord& latest, JointMask asked, const pipeline::TickConfig& config,
                         const std::vector<config::Joint>& joints);
 
+// Why no policy can give a usable command: what its observations lack, by joint or sensor. Empty: they lack nothing.
+std::string lack_of_observations(const TickRecord& latest, const pipeline::TickConfig& config,
+                                 const config::RobotConfig& robot);
+
 // "drive_fault, bus_off": names of the causes that hold in this tick.
 std::string active_causes(const TickRecordHeader& tick);
 

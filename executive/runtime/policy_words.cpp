@@ -41,7 +41,7 @@ void PolicyWords::take(const PolicyWord& word, MonoTime now) {
 }
 
 void PolicyWords::presume(Role role, const std::string& sentence, MonoTime now) {
-  if (!problem(role).empty()) return;
+  if (!problem(role).empty() && !words_of(role).is_presumed) return;
   words_of(role).is_presumed = true;
   put(problem_word(role, sentence), now);
 }

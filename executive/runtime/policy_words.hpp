@@ -26,8 +26,8 @@ class PolicyWords {
   void begin(Role role, MonoTime now);
   // Its lease is over: `how` stands as the reason why no command comes.
   void end(Role role, const std::string& how, MonoTime now);
-  // It has given no usable command for long and says nothing: `sentence` stands for its word until it says one, or
-  // `answers` again.
+  // It has given no usable command for long and says nothing: `sentence` stands for its word until it says one, another
+  // one is presumed, or it `answers` again.
   void presume(Role role, const std::string& sentence, MonoTime now);
   void answers(Role role, MonoTime now);
   // Why this policy publishes no command, as it says; empty: it did not say.

@@ -11,6 +11,7 @@
 #include "config/observation_shape.hpp"
 #include "executive/incident/log_hint.hpp"
 #include "executive/ipc/executive_segments.hpp"
+#include "executive/runtime/arming.hpp"
 #include "executive/runtime/clock.hpp"
 
 namespace takt::runtime {
@@ -57,7 +58,8 @@ void Reception::serve(std::chrono::milliseconds timeout) {
   operators_.pass_all([this](const OperatorWord& word) { return server_->pass_on(word); });
 }
 
-// A host that hangs cannot say so. Before the robot is stopped for want of commands the reason is there.
+// A host that hangs cannot say so, and one without observations is not to blame. Before the robot is stopped for want
+// of commands the reason is there.
 void Reception::watch_silence() {
   const MonoTime now = SystemClock().now();
   const Seat seat = seat_in_charge();
@@ -66,11 +68,13 @@ void Reception::watch_silence() {
   const bool is_usable = takt::is_usable(parts_.follower.latest().header.seats[Seat::policy].freshness);
   if (is_usable || host == nullptr || !leases_[seat].attached) policy_lived_at_ = now;
   if (is_usable) return words_.answers(role, now);
-  if (now - policy_lived_at_ > Duration{parts_.config.freshness.stop_after.ns / 4 * 3})
-    words_.presume(role,
-                   fmt::format("{} (pid {}) is attached and says nothing: it hangs, or is too slow",
-                               host->hello.program, host->pid),
-                   now);
+  if (now - policy_lived_at_ <= Duration{parts_.config.freshness.stop_after.ns / 4 * 3}) return;
+  const std::string lack = lack_of_observations(parts_.follower.latest(), parts_.config, parts_.robot);
+  words_.presume(role,
+                 !lack.empty() ? lack
+                               : fmt::format("{} (pid {}) is attached and says nothing: it hangs, or is too slow",
+                                             host->hello.program, host->pid),
+                 now);
 }
 
 void Reception::tell_policy_words() {

@@ -113,6 +113,37 @@ TEST(Arming, AShareThatStillFallsIsToldAsOne) {
   EXPECT_EQ(of_buses(), asks) << "a fault that comes again";
 }
 
+// Goal: a policy is not blamed for commands that it cannot give, for want of observations. Method: the demo arm with
+// some joints silent, one that never answered, all, and none; then with the silent IMU of a free base.
+TEST(Observations, ASilentJointOrSensorIsNamedAndNotThePolicy) {
+  config::RobotConfig robot = config::load("config/arm6.yaml").value();
+  const auto config = std::make_unique<pipeline::TickConfig>(config::tick_config_of(robot, 1));
+  const auto record = std::make_unique<TickRecord>();
+  TickRecordHeader& header = record->header;
+  header.joint_count = static_cast<std::uint32_t>(robot.joints.size());
+  header.tick = 1;
+  header.now = MonoTime{} + seconds(5);
+  const auto lack = [&] { return lack_of_observations(*record, *config, robot); };
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
+    record->joints[joint].feedback.received_at = header.now - config->feedback_timeout;
+  EXPECT_EQ(lack(), "");
+  record->joints[3].feedback.received_at = header.now - milliseconds(21);
+  EXPECT_EQ(lack(), "it gets no fresh observation: joint wrist_roll is silent");
+  record->joints[0].feedback.received_at = {};
+  EXPECT_EQ(lack(), "it gets no fresh observation: joints base_yaw, wrist_roll are silent");
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) record->joints[joint].feedback.received_at = {};
+  EXPECT_EQ(lack(), "it gets no fresh observation: joints base_yaw, shoulder, elbow and 3 more are silent");
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
+    record->joints[joint].feedback.received_at = header.now;
+  robot.imu = config::Imu{.sensor = "torso", .tilt = 1.0, .angular_velocity = 6.0, .frozen_after = {}};
+  config->imu.present = true;
+  config->imu.timeout = milliseconds(50);
+  header.imu.sensed_at = header.now - milliseconds(50);
+  EXPECT_EQ(lack(), "");
+  header.imu.sensed_at = header.now - milliseconds(51);
+  EXPECT_EQ(lack(), "it gets no fresh observation: sensor torso is silent");
+}
+
 // Goal: who is refused a reset learns which joint to look at. Method: three joints, of which the fastest is not asked.
 TEST(Reset, NamesTheFastestJointThatIsAskedToRest) {
   const config::RobotConfig robot = config::load("config/arm6.yaml").value();

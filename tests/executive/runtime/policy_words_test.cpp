@@ -84,6 +84,8 @@ TEST(PolicyWords, WhatIsPresumedOfASilentHostGivesWayToItsWordAndToItsCommands) 
   PolicyWords words;
   words.presume(Role::policy, "it hangs", kNow);
   EXPECT_EQ(words.problem(Role::policy), "it hangs");
+  words.presume(Role::policy, "it gets no observation", kNow);
+  EXPECT_EQ(words.problem(Role::policy), "it gets no observation") << "what is known by now";
   words.answers(Role::policy, kNow);
   EXPECT_EQ(words.problem(Role::policy), "");
   words.presume(Role::policy, "it hangs", kNow);

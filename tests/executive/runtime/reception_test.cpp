@@ -420,6 +420,17 @@ TEST_F(ReceptionTest, AHostThatSaysNothingIsNamed) {
   }));
 }
 
+// Goal: joints that fell silent are named, and not the host that has nothing to answer. Method: the same host, and
+// drives that end.
+TEST_F(ReceptionTest, SilentJointsAreNamedAndNotTheHost) {
+  const Attached attached = attach_policy(Role::policy, false);
+  drives_->stop();
+  EXPECT_TRUE(until([this](const StatusSnapshot&) {
+    return std::string(ask(OperatorVerb::status).sentences).find("policy: it gets no fresh observation: joints ") !=
+           std::string::npos;
+  }));
+}
+
 TEST_F(ReceptionTest, StatusRepeatsEveryWatchdogWaiver) {
   EXPECT_THAT(ask(OperatorVerb::status).sentences, testing::Not(HasSubstr("watchdog_waiver")));
   robot_.joints[1].drive.watchdog_waiver = "seen to stop within 100 ms";
