@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "config/fields.hpp"
@@ -78,7 +79,10 @@ class TableMaker final : public Fields {
     row(key, fmt::format("{}, or a list, {}", fmt::join(words, ", "), unit_text(key, dimension)));
   }
   void section(const Key& key, const Body& body) override {
-    if (key.otherwise) row(key, "section");
+    if (key.otherwise)
+      row(key, "section");
+    else
+      note(key);
     inside(fmt::format("{}{}.", prefix_, key.name), body);
   }
   void optional_section(const Key& key, bool&, const Body& body) override {
@@ -101,12 +105,15 @@ class TableMaker final : public Fields {
     set_names({});
   }
   [[nodiscard]] bool shows_all() const override { return true; }
+  [[nodiscard]] const std::vector<std::pair<std::string, std::string>>& meanings() const { return meanings_; }
 
  private:
   static std::string joined(const std::string& what, const std::string& range) {
     return range.empty() ? what : what + ", " + range;
   }
+  void note(const Key& key) { meanings_.emplace_back(fmt::format("{}{}", prefix_, key.name), key.doc); }
   void row(const Key& key, const std::string& value) {
+    note(key);
     rows_ += fmt::format("| `{}{}` | {}{} | {} |\n", prefix_, key.name, value,
                          key.otherwise ? fmt::format("; `{}`", *key.otherwise) : "", key.doc);
   }
@@ -116,11 +123,42 @@ class TableMaker final : public Fields {
     prefix_ = std::move(prefix);
   }
 
+  std::vector<std::pair<std::string, std::string>> meanings_;  // of paths
   std::string prefix_;
   std::string rows_;
 };
 
 }  // namespace
+
+namespace {
+
+// "joints[3].drive" and "joints[].drive", "stops.tilt.how" and "stops.NAME.how".
+bool is_of_row(std::string_view path, std::string_view row) {
+  const auto begin_of = [](std::string_view part) { return part.substr(0, part.find('[')); };
+  while (true) {
+    const std::size_t end = path.find('.'), end_of_row = row.find('.');
+    const std::string_view wanted = row.substr(0, end_of_row);
+    if (wanted != "NAME" && begin_of(path.substr(0, end)) != begin_of(wanted)) return false;
+    const bool is_last = end == std::string_view::npos, is_last_of_row = end_of_row == std::string_view::npos;
+    if (is_last || is_last_of_row) return is_last && is_last_of_row;
+    path.remove_prefix(end + 1);
+    row.remove_prefix(end_of_row + 1);
+  }
+}
+
+}  // namespace
+
+std::string_view meaning_of_key(std::string_view path) {
+  static const std::vector<std::pair<std::string, std::string>> all = [] {
+    TableMaker table;
+    RobotConfig robot;
+    describe(table, robot);
+    return table.meanings();
+  }();
+  for (const auto& [row, meaning] : all)
+    if (is_of_row(path, row)) return meaning;
+  return {};
+}
 
 std::string key_table() {
   TableMaker table;

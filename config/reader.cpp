@@ -11,6 +11,7 @@
 #include <iterator>
 #include <span>
 
+#include "config/key_table.hpp"
 #include "config/migrations.hpp"
 
 namespace takt::config {
@@ -62,6 +63,22 @@ bool is_identifier(std::string_view text) {
          std::ranges::all_of(text, [&](char c) { return letter(c) || other(c); });
 }
 
+namespace {
+
+// Of a key that its section knows beside others, and not here; empty: it does not. The top of another kind of file may
+// have the name of a robot file's key.
+std::string needs_another(const std::string& section, const std::string& key) {
+  const std::string_view meaning = section.empty() ? "" : meaning_of_key(fmt::format("{}.{}", section, key));
+  if (meaning.empty()) return {};
+  const std::size_t end = meaning.find(": ");
+  if (end == std::string_view::npos)
+    return fmt::format("`{}` in `{}` does not apply beside the section's other keys: {}", key, section, meaning);
+  return fmt::format("`{}` in `{}` needs `{}` beside it: {}", key, section, meaning.substr(0, end),
+                     meaning.substr(end + 2));
+}
+
+}  // namespace
+
 Reader::Reader(const Node& node, std::string path, Problems& problems, Places& places)
     : node_(node), path_(std::move(path)), problems_(problems), places_(places) {
   places_[path_] = node.place;
@@ -75,6 +92,10 @@ void Reader::finish() {
     if (const Migration* const gone = migration_of(path_of(key.text))) {
       problems_.add(key.place,
                     fmt::format("{}: gone since version {}: {}", path_of(key.text), gone->since, gone->cure));
+      continue;
+    }
+    if (const std::string needs = needs_another(path_, key.text); !needs.empty()) {
+      problems_.add(key.place, needs);
       continue;
     }
     const std::string where = path_.empty() ? "at the top" : fmt::format("in `{}`", path_);

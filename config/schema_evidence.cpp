@@ -97,7 +97,7 @@ void describe_simulation(Fields& fields, Simulation& simulation, const RobotConf
   fields.optional_section({"camera", "simulated camera of the target"}, camera,
                           [&](Fields& f) { describe_camera(f, simulation, sensors); });
   if (camera || fields.shows_all())
-    fields.section({"target", "what the camera sees"}, [&](Fields& f) { describe_target(f, simulation); });
+    fields.section({"target", "camera: what it sees"}, [&](Fields& f) { describe_target(f, simulation); });
 }
 
 constexpr std::size_t kMostDdsPeers = 32;

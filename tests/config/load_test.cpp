@@ -192,6 +192,25 @@ TEST(JointDefaults, MakeTheSameRobotAsOneWrittenOut) {
   EXPECT_EQ(robot->hash, plain->hash);
 }
 
+// Goal: a key that its section knows only beside another one is not called unknown: what it needs is said. Method: one
+// of each kind: another key, another value of the section, of a list's entry, and none that its meaning names.
+TEST(Load, AKeyThatNeedsAnotherSaysWhich) {
+  const auto complaint = [](const std::string& from, const std::string& to) {
+    return parse(with(from, to), "r").error();
+  };
+  EXPECT_EQ(complaint("  camera: { sensor: target, period: 33 ms, delay: 18 ms, jitter: 4 ms }\n", ""),
+            "r:60:3: `target` in `simulation` needs `camera` beside it: what it sees");
+  const std::string gpio =
+      complaint("sensors:", "safety: { safe_torque_off: { line: 3, file: x, on_joint_fault: keep } }\nsensors:");
+  EXPECT_NE(gpio.find("`file` in `safety.safe_torque_off` needs `file` beside it: its path"), std::string::npos)
+      << gpio;
+  const std::string stop = complaint("sensors:", "stops: { tilt: { how: damping, for: 2 s } }\nsensors:");
+  EXPECT_NE(stop.find("`for` in `stops.tilt` needs `hold, policy` beside it: so long, then rest"), std::string::npos)
+      << stop;
+  const std::string unknown = complaint("  step: 500 us\n", "  step: 500 us\n  colour: red\n");
+  EXPECT_NE(unknown.find("unknown key `colour` in `simulation`"), std::string::npos) << unknown;
+}
+
 // Goal: what is wrong in a block is told once, with the block's place and whose it is. Method: one fault each.
 TEST(JointDefaults, AProblemIsToldOnceWithItsBlock) {
   const std::string own = "    gains: { kp: 40 Nm/rad, kd: 1 Nms/rad, damping: 1 Nms/rad }\n";

@@ -152,7 +152,8 @@ TEST(FdBitrate, IsTheBussAndOneThatTheMakerHas) {
                           "{ protocol: mit, variant: damiao, model: DM8009, id: 1, reply_id: 0x11, fd_bitrate: 8 "
                           "Mbit/s }"),
                 "8000000 bit/s is no rate that Damiao drives are known to have"));
-  EXPECT_TRUE(complains(with(kHip, "model: AK10-9, id: 1, fd_bitrate: 5 Mbit/s"), "unknown key `fd_bitrate`"))
+  EXPECT_TRUE(complains(with(kHip, "model: AK10-9, id: 1, fd_bitrate: 5 Mbit/s"),
+                        "`fd_bitrate` in `joints[0].drive` needs `mit (damiao)` beside it: "))
       << "a T-Motor drive has none";
 }
 

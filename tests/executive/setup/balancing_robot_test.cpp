@@ -50,9 +50,10 @@ struct Refusal {
 
 constexpr Refusal kRefusals[] = {
     {"gains on a passive joint", "    passive: true\n",
-     "    passive: true\n    gains: { kp: 1 Nm/rad, kd: 1 Nms/rad, damping: 1 Nms/rad }\n", "unknown key `gains`"},
+     "    passive: true\n    gains: { kp: 1 Nm/rad, kd: 1 Nms/rad, damping: 1 Nms/rad }\n",
+     "`gains` in `joints[1]` does not apply beside the section's other keys: gains when the policy sends none"},
     {"a torque limit on a passive joint", "      velocity: 6 rad/s\n", "      velocity: 6 rad/s\n      torque: 1 Nm\n",
-     "unknown key `torque`"},
+     "does not apply beside the section's other keys: largest commanded torque"},
     {"a passive joint that the policy drives", ", joints: [cart]", "",
      "policy.action.joints: give passive joint pole an output; list the driven joints only"},
     {"a row of gains for a passive joint", "      - joint: cart\n", "      - joint: pole\n",
@@ -66,7 +67,8 @@ constexpr Refusal kRefusals[] = {
      "fallbacks.balance.gains[0].position: has 1 values for 2 joints; write one per joint"},
     {"a gain without a unit", "-12.23 Nm/rad", "-12.23", "-12.23 has no unit; write `-12.23 Nm/rad`"},
     {"the speed of a pose in state feedback", "    pose: [0 rad, 0 rad]\n",
-     "    pose: [0 rad, 0 rad]\n    speed: 1 rad/s\n", "unknown key `speed`"},
+     "    pose: [0 rad, 0 rad]\n    speed: 1 rad/s\n",
+     "`speed` in `fallbacks.balance` needs `pose` beside it: joint speed on the way"},
     {"a pose outside the limits", "pose: [0 rad, 0 rad]", "pose: [0 rad, 1 rad]",
      "fallbacks.balance.pose: 1 rad for pole is outside its limits [-0.5, 0.5] rad; move it inside"},
     {"a cart whose pole is driven by name only", "    passive: true\n", "", "key `gains` is missing"},
