@@ -20,6 +20,7 @@
 #include "config/read_all.hpp"
 #include "tests/cli/shell.hpp"
 #include "tests/process/patient_copy.hpp"
+#include "tests/support/files.hpp"
 #include "tests/support/shared_files.hpp"
 
 namespace takt::cli {
@@ -27,6 +28,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+using takt::test::text_of;
 using test::Ended;
 
 // Bounded wait for what other processes do.
@@ -219,8 +221,7 @@ TEST_F(Cli, ConfigCheckSaysWhichSilenceDegradesTheRobot) {
 
 TEST_F(Cli, ConfigCheckRefusesWhatHostAndPlantWould) {
   const auto checked = [&](const std::string& from, const std::string& to, const std::string& more = "") {
-    std::ifstream file("config/arm6.yaml");
-    std::string text{std::istreambuf_iterator<char>(file), {}};
+    std::string text = text_of("config/arm6.yaml");
     const auto replace = [&text](const std::string& one, const std::string& other) {
       EXPECT_NE(text.find(one), std::string::npos) << one;
       text.replace(text.find(one), one.size(), other);
@@ -300,7 +301,7 @@ TEST_F(Cli, ConfigCheckWaitsForNoFifo) {
 // names of a file that is written and of one that is read.
 // Threat: file-terminal
 TEST_F(Cli, NothingThatOthersWroteMovesTheCursor) {
-  std::string model{std::istreambuf_iterator<char>(std::ifstream("tests/cli/robots/arm.urdf").rdbuf()), {}};
+  std::string model = text_of("tests/cli/robots/arm.urdf");
   model.insert(model.find("<limit lower=\"-2\""), "<mimic joint=\"elbow\"/>");
   model.insert(model.find("\"wrist\"") + 1, "\x1b[2J");
   std::ofstream(in("arm.urdf")) << model;
@@ -335,7 +336,7 @@ TEST_F(Cli, ACommandLineThatIsNotUnderstoodIsAnsweredByItsCommand) {
 // other nor its inertias. Method: an arm's URDF; what `config check` notes of the file that is written.
 TEST_F(Cli, ASimulatedRobotOfAModelAloneKeepsTheModelsSpeeds) {
   ASSERT_EQ(Shell::takt("config new tests/cli/robots/arm.urdf --simulated -o " + in("arm.yaml")).exit_code, 0);
-  const std::string text{std::istreambuf_iterator<char>(std::ifstream(in("arm.yaml")).rdbuf()), {}};
+  const std::string text = text_of(in("arm.yaml"));
   EXPECT_NE(text.find("velocity: 4 rad/s, "), std::string::npos) << text;
   const Ended checked = Shell::takt("config check " + in("arm.yaml"));
   EXPECT_EQ(checked.exit_code, 0) << checked.output;
@@ -413,10 +414,9 @@ TEST_F(Cli, ImportReadsTheMetadataInAnOnnxFile) {
   EXPECT_NE(said.output.find("note: gains, poses and scales have three decimals at most"), std::string::npos)
       << said.output;
   EXPECT_NE(said.output.find("6 joints, 2 observation terms; "), std::string::npos) << said.output;
-  std::stringstream text;
-  text << std::ifstream(in("arm.yaml")).rdbuf();
-  EXPECT_NE(text.str().find("file: \"" + in("said.onnx") + "\""), std::string::npos) << text.str();
-  EXPECT_LT(text.str().find("kp: 6.5 Nm/rad"), text.str().find("kp: 1 Nm/rad")) << "in the robot's order";
+  const std::string text = text_of(in("arm.yaml"));
+  EXPECT_NE(text.find("file: \"" + in("said.onnx") + "\""), std::string::npos) << text;
+  EXPECT_LT(text.find("kp: 6.5 Nm/rad"), text.find("kp: 1 Nm/rad")) << "in the robot's order";
   EXPECT_EQ(run("config check " + in("arm.yaml")).exit_code, 65);
   EXPECT_EQ(run(command + "2 --joint-names a,b").exit_code, 65);
   EXPECT_EQ(run("config import deploy.yaml --robot arm -o " + in("x.yaml")).exit_code, 64) << "--policy is missing";
@@ -428,9 +428,7 @@ TEST_F(Cli, ConfigCheckHoldsAnOnnxFilesMetadataAgainstTheRobotFile) {
     fs::copy("config/arm6_reach.onnx", in(name));
     std::ofstream(in(name), std::ios::binary | std::ios::app)
         << onnx_metadata("joint_names", "shoulder,base_yaw,elbow,wrist_roll,wrist_pitch,wrist_yaw");
-    std::stringstream text;
-    text << std::ifstream("config/arm6.yaml").rdbuf();
-    std::string robot = text.str();
+    std::string robot = text_of("config/arm6.yaml");
     robot.replace(robot.find("arm6_reach.onnx"), std::string("arm6_reach.onnx").size(), name);
     std::ofstream(in("swapped.yaml")) << robot;
     const Ended check = run("config check " + in("swapped.yaml"));
@@ -536,8 +534,7 @@ TEST_F(Cli, RunRefusesAPolicyThatItsHostWouldAndStartsNothing) {
 // Goal: `takt run` passes on the code of a policy that ended by itself, and that the robot did without. Method: an
 // engine that ends its process with 64 after a second of inferences, beside a robot that was not armed.
 TEST_F(Cli, RunPassesOnTheCodeOfAPolicyThatEnded) {
-  std::ifstream file(robot_);
-  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  const std::string text = text_of(robot_);
   const std::string engine = "\npolicy:\n  engine: { name: " TAKT_ODD_ENGINE_FILE " }\n";
   const std::string robot = in("odd.yaml");
   std::ofstream(robot) << std::regex_replace(text, std::regex("\npolicy:\n"), engine);
@@ -555,8 +552,7 @@ TEST_F(Cli, RunRefusesAPolicyHostThatIsNoProgramAndStartsNothing) {
     EXPECT_EQ(ended.exit_code, 69) << ended.output;
     EXPECT_EQ(ended.output, "--policy-host " + path + " cannot be executed: give the path of a program you may run\n");
   }
-  std::ifstream file(robot_);
-  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  const std::string text = text_of(robot_);
   std::ofstream(in("no_policy.yaml")) << std::regex_replace(text, std::regex("\npolicy:\n(  .*\n)*"), "\n");
   const Ended ended = run("run " + in("no_policy.yaml") + " --policy-host /bin/true --runtime-dir " + in("rt"));
   EXPECT_EQ(ended.exit_code, 64) << ended.output;
@@ -594,10 +590,7 @@ TEST_F(Cli, ARuntimeDirectoryThatIsRemovedIsSaidAndTakesNoLogAlong) {
       "takt run " + robot_ + " --allow-non-realtime --arm --runtime-dir " + runtime + " --run-dir " + in("run"),
       in("takt.log"));
   const auto says = [](const std::string& file, const std::string& words) {
-    return poll_until([&] {
-      std::ifstream in(file);
-      return std::string(std::istreambuf_iterator<char>(in), {}).find(words) != std::string::npos;
-    });
+    return poll_until([&] { return text_of(file).find(words) != std::string::npos; });
   };
   ASSERT_TRUE(says(in("takt.log"), "tracking"));
   fs::create_hard_link(log, in("same.log"));
@@ -679,8 +672,7 @@ TEST_F(Cli, RunNotesWhatThePlantPlaysAndSaysWhatItNeverPlayed) {
   EXPECT_NE(ended.output.find("never happened: " + in("faults.yaml") + ": elbow: silent: its instant did not come\n"),
             std::string::npos)
       << ended.output;
-  std::ifstream file(in("run/events.jsonl"));
-  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  const std::string text = text_of(in("run/events.jsonl"));
   for (const char* what : {"\"event\":\"scenario\"", "\"what\":\"elbow: delay of 1 ms for 5 ms\"",
                            "\"what\":\"elbow: end of delay of 1 ms for 5 ms\"", "\"event\":\"missed\""})
     EXPECT_NE(text.find(what), std::string::npos) << what << " is missing in\n" << text;
@@ -842,8 +834,7 @@ TEST_F(Cli, NothingOutlivesAKilledSupervisor) {
     _exit(127);
   }
   EXPECT_TRUE(poll_until([this] {
-    std::ifstream file(in("takt.log"));
-    const std::string text{std::istreambuf_iterator<char>(file), {}};
+    const std::string text = text_of(in("takt.log"));
     return text.find("tracking") != std::string::npos;
   }));
   kill(supervisor, SIGKILL);
