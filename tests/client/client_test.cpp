@@ -31,6 +31,7 @@
 #include "tests/executive/pipeline/rig.hpp"
 #include "tests/policy_host/fake_server.hpp"
 #include "tests/support/files.hpp"
+#include "tests/support/replaced.hpp"
 #include "tests/support/temporary_directory.hpp"
 
 namespace takt::client {
@@ -72,11 +73,9 @@ class ClientTest : public testing::Test {
   void robot_file_with(const std::string& what, const std::string& by) {
     robot_file_ = directory_.path() + "/robot.yaml";
     const std::string policy = std::filesystem::absolute("config/arm6_reach.onnx");
-    const auto replaced = [](std::string where, const std::string& old, const std::string& next) {
-      return where.replace(where.find(old), old.size(), next);
-    };
-    std::ofstream(robot_file_) << replaced(
-        replaced(test::text_of("config/arm6.yaml"), "file: arm6_reach.onnx", "file: " + policy), what, by);
+    const std::string arm =
+        test::replaced(test::text_of("config/arm6.yaml"), "file: arm6_reach.onnx", "file: " + policy);
+    std::ofstream(robot_file_) << test::replaced(arm, what, by);
     spec_.robot_file = robot_file_.c_str();
   }
   // From here on the robot file is arm6's with another policy.action.interpolation.

@@ -15,6 +15,7 @@
 #include "config/cautions.hpp"
 #include "config/load.hpp"
 #include "tests/config/small_robot.hpp"
+#include "tests/support/replaced.hpp"
 
 namespace takt::config {
 namespace {
@@ -31,11 +32,7 @@ constexpr std::string_view kSlide = R"(  - name: knee
     home: 20 mm
 )";
 
-std::string replaced(std::string text, std::string_view from, std::string_view to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return at == std::string::npos ? text : text.replace(at, from.size(), to);
-}
+using takt::test::replaced;
 
 std::string with_slide(std::string_view from = "", std::string_view to = "") {
   std::string text(test::kSmallRobot);

@@ -12,6 +12,7 @@
 #include "config/stop_causes.hpp"
 #include "config/turns.hpp"
 #include "tests/config/small_robot.hpp"
+#include "tests/support/replaced.hpp"
 
 namespace takt::config::test {
 namespace {
@@ -28,10 +29,8 @@ bool complains(const std::string& text, std::string_view of) {
   EXPECT_NE(said.find(of), std::string::npos) << said;
   return said.find(of) != std::string::npos;
 }
-std::string replaced(std::string text, std::string_view from, std::string_view to) {
-  const std::size_t at = text.find(from);
-  return at == std::string::npos ? "no " + std::string(from) : text.replace(at, from.size(), to);
-}
+
+using takt::test::replaced;
 
 // --- turns ---
 

@@ -19,6 +19,7 @@
 #include "tests/process/fastdds_peer.hpp"
 #include "tests/process/running_robot.hpp"
 #include "tests/support/files.hpp"
+#include "tests/support/replaced.hpp"
 
 namespace takt::test {
 namespace {
@@ -29,21 +30,14 @@ constexpr const char* kStatus = "rt/takt/status";
 constexpr const char* kCommandAge = "rt/takt/command_age";
 constexpr const char* kRequest = "rt/takt/request";
 
-void replace(std::string& text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  ASSERT_NE(at, std::string::npos) << from;
-  text.replace(at, from.size(), to);
-}
-
 class DdsTest : public testing::Test {
  protected:
   // config/arm6.yaml under a name of its own, with DDS.
   void start(bool allow_requests) {
-    std::string text = text_of("config/arm6.yaml");
     name_ = "arm6-dds-" + std::to_string(getpid());
-    replace(text, "robot: arm6", "robot: " + name_);
-    replace(text, "file: arm6_reach.onnx",
-            "file: " + (std::filesystem::current_path() / "config/arm6_reach.onnx").string());
+    std::string text = replaced(text_of("config/arm6.yaml"), "robot: arm6", "robot: " + name_);
+    text = replaced(text, "file: arm6_reach.onnx",
+                    "file: " + (std::filesystem::current_path() / "config/arm6_reach.onnx").string());
     text += "\ndds:\n  domain: " + std::to_string(domain_of_this_test()) + "\n  joint_state_rate: 200 Hz\n" +
             "  allow_requests: " + (allow_requests ? "true" : "false") + "\n";
     file_ = testing::TempDir() + name_ + ".yaml";

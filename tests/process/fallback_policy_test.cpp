@@ -14,15 +14,10 @@
 #include "tests/process/running_robot.hpp"
 #include "tests/process/sent_frames.hpp"
 #include "tests/support/files.hpp"
+#include "tests/support/replaced.hpp"
 
 namespace takt::test {
 namespace {
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return at == std::string::npos ? text : text.replace(at, from.size(), to);
-}
 
 // The demo arm, whose fallback is its own network in a second host.
 std::string arm_with_fallback() {

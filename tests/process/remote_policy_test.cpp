@@ -32,6 +32,7 @@
 #include "tests/process/child.hpp"
 #include "tests/process/faulty_network.hpp"
 #include "tests/support/files.hpp"
+#include "tests/support/replaced.hpp"
 #include "tests/support/temporary_directory.hpp"
 
 namespace takt::test {
@@ -41,12 +42,6 @@ using policy_host::FakeExecutive;
 using policy_host::FakeSensor;
 
 constexpr Duration kPeriod = milliseconds(20), kMaxAge = seconds(1);
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return text.replace(at, from.size(), to);
-}
 
 std::size_t occurrences(const std::string& text, const std::string& words) {
   std::size_t count = 0;

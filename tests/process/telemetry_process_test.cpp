@@ -19,6 +19,7 @@
 #include "monitor/record/recorded_run.hpp"
 #include "tests/process/running_robot.hpp"
 #include "tests/support/files.hpp"
+#include "tests/support/replaced.hpp"
 
 namespace takt::test {
 namespace {
@@ -95,13 +96,8 @@ class TelemetryTest : public testing::Test {
  private:
   // config/arm6.yaml under a name of its own, with both sections.
   void write_robot_file() {
-    std::string text = text_of("config/arm6.yaml");
-    const auto replace = [&](const std::string& from, const std::string& to) {
-      ASSERT_NE(text.find(from), std::string::npos) << from;
-      text.replace(text.find(from), from.size(), to);
-    };
-    replace("robot: arm6", "robot: " + name_);
-    replace("file: arm6_reach.onnx", "file: " + (fs::current_path() / "config/arm6_reach.onnx").string());
+    std::string text = replaced(text_of("config/arm6.yaml"), "robot: arm6", "robot: " + name_);
+    text = replaced(text, "file: arm6_reach.onnx", "file: " + (fs::current_path() / "config/arm6_reach.onnx").string());
     text += "\nprometheus: { port: " + std::to_string(metrics_port_) +
             " }\notlp: { endpoint: \"http://127.0.0.1:" + std::to_string(otlp_port_) + "\", metrics_period: 500 ms }\n";
     file_ = testing::TempDir() + name_ + ".yaml";

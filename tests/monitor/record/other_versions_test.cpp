@@ -18,6 +18,7 @@
 #include "monitor/record/message_schema.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
 #include "tests/support/files.hpp"
+#include "tests/support/replaced.hpp"
 #include "tests/support/shared_files.hpp"
 #include "tests/support/temporary_folder.hpp"
 
@@ -32,11 +33,7 @@ RunVisitor of_ticks(std::function<void(const RecordedTick&)> visit) {
   return visitor;
 }
 
-std::string replaced(std::string text, std::string_view from, std::string_view to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return at == std::string::npos ? text : text.replace(at, from.size(), to);
-}
+using test::replaced;
 
 std::string without(std::string text, std::string_view field) {
   const std::size_t gone = text.find(fmt::format("\n{}", field)) + 1;
