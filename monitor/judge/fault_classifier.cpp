@@ -145,6 +145,7 @@ double FaultSummary::share(Fault fault) const {
 }
 
 void FaultEvidence::take(const FaultClue& clue) {
+  const bool was_stopped = gravity == Gravity::stopped;  // no command counts any more
   if (clue.is_trouble) {
     last_tick = clue.tick;
     last_trouble = clue.now;
@@ -172,7 +173,7 @@ void FaultEvidence::take(const FaultClue& clue) {
     for (std::size_t part = 0; part < parts.size(); ++part)
       worst_parts[part] = std::max(worst_parts[part], parts[part]);
   }
-  if (clue.command_before.is_set()) silence = std::max(silence, clue.now - clue.command_before);
+  if (clue.command_before.is_set() && !was_stopped) silence = std::max(silence, clue.now - clue.command_before);
   command_came = command_came || clue.arrival != Arrival::none;
   if (clue.feedback_age > feedback_age) {
     feedback_age = clue.feedback_age;

@@ -173,7 +173,7 @@ struct FaultEvidence {
   Cause fault_cause = Cause::none;  // drive or bus cause of a transition
   bool bad_commands = false, imu_lost = false, other_session = false;
   std::uint64_t missed_ticks = 0, clamped_ticks = 0;
-  Duration silence;       // longest time without a command
+  Duration silence;       // longest time without a command, until the stop
   Duration sense_before;  // tau_sense of the command before the segment
   void take(const FaultClue& clue);
   void take(const FaultEvidence& other);

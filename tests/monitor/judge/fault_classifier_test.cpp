@@ -133,6 +133,24 @@ TEST(FaultClassifier, ASilentPolicyIsAStall) {
                 "sensor, the policy or the way between failed"});
 }
 
+// Goal: a silence that stopped the robot is measured to the stop, as the incident does, and not to the end of the run.
+// Method: a policy that falls silent, the stop 600 ms after, and two seconds in it.
+TEST(FaultClassifier, ASilenceIsMeasuredToTheStopThatItMade) {
+  Robot robot;
+  robot.run(500);
+  robot.policy_answers = false;
+  robot.run(600);
+  robot.tick([](TickRecordHeader& header) {
+    header.mode = Mode::damped_stop;
+    header.cause = Cause::command_lost;
+  });
+  robot.run(2000);
+  EXPECT_EQ(
+      robot.sentences(),
+      Sentences{"inference_stall: no command came for 620 ms, max_age is 40 ms; the policy host's log says whether a "
+                "sensor, the policy or the way between failed"});
+}
+
 // The command that explains a stall is refused, so its parts are not in any tick: they come from the command itself.
 TEST(FaultClassifier, ReadsTheCommandThatWasRefusedForItsAge) {
   Robot robot;

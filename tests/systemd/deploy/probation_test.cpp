@@ -82,7 +82,9 @@ TEST(Probation, TroubleWhileTrackingFails) {
 
 TEST(Probation, ARobotThatDoesNotComeUpFails) {
   EXPECT_EQ(judged(times(10, '-')).stage, Stage::starting);
-  EXPECT_NE(judged(times(12, '-')).reason.find("no executive answers in /run/takt; --runtime-dir names another directory"), std::string::npos);
+  EXPECT_NE(
+      judged(times(12, '-')).reason.find("no executive answers in /run/takt; --runtime-dir names another directory"),
+      std::string::npos);
   EXPECT_NE(judged(times(12, 'p')).reason.find("no policy is attached"), std::string::npos);
   EXPECT_EQ(judged(times(5, 'p') + times(11, 't'), {.policy = false}).stage, Stage::passed)
       << "a robot without a policy needs none";
