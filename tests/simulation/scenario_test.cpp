@@ -198,13 +198,12 @@ TEST(Scenario, FilesThatAreNoScenario) {
             "no/such.yaml: cannot be read: No such file or directory; check the path");
 }
 
-TEST(Scenario, EveryExampleFitsAndIsListed) {
-  const std::string page = test::text_of("docs/plant-scenarios.md");
+TEST(Scenario, EveryExampleFitsAndTheirFolderIsNamed) {
+  EXPECT_NE(test::text_of("docs/plant-scenarios.md").find("(../config/scenarios)"), std::string::npos);
   std::size_t count = 0;
   for (const auto& entry : std::filesystem::directory_iterator("config/scenarios")) {
     const auto scenario = load_scenario(entry.path().string(), test::demo_arm());
     EXPECT_TRUE(scenario.has_value()) << scenario.error();
-    EXPECT_NE(page.find("../config/scenarios/" + entry.path().filename().string()), std::string::npos) << entry.path();
     ++count;
   }
   EXPECT_EQ(count, 11U) << "one per class of faults";
