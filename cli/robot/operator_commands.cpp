@@ -247,7 +247,7 @@ void add_arm(CLI::App& app, int& exit_code) {
 void add_stop(CLI::App& app, int& exit_code) {
   add(app, exit_code, OperatorVerb::press_stop, "stop",
       "Stop softly: damping until the robot rests, then hold. A second time: no power, in every mode.",
-      "Examples: takt stop; takt stop --all\n"
+      "Example: takt stop, takt stop --all\n"
       "The second stop may come 0.2 s after the first, until the stop is reset. What hangs falls.\n"
       "After one stop of an armed robot `takt arm` is refused until `takt reset` or the executive's end; after the\n"
       "second, or --now, it is not.\n"
