@@ -128,10 +128,6 @@ class TableMaker final : public Fields {
   std::string rows_;
 };
 
-}  // namespace
-
-namespace {
-
 // "joints[3].drive" and "joints[].drive", "stops.tilt.how" and "stops.NAME.how".
 bool is_of_row(std::string_view path, std::string_view row) {
   const auto begin_of = [](std::string_view part) { return part.substr(0, part.find('[')); };

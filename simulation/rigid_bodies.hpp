@@ -2,6 +2,7 @@
 // A robot file's `model` of a published model (MJCF, URDF): what hangs on each joint, for the gravity that stops and
 // holds carry. Base frame: MuJoCo's world. Each link's axes are the principal ones of what it carries, and its body's
 // where those are principal. What no named joint moves counts with the link that carries it, as it stands at zero.
+// SI units. Thread rule: any thread. A build without MuJoCo has none.
 // Source: masses, centres and inertias that MuJoCo compiled; sums by the parallel axis theorem.
 #pragma once
 

@@ -95,7 +95,9 @@ std::string what_runs_text(const WhatRuns& runs) {
 
 // What keeps the robot where it is, or does not; empty: it was not asked to stop.
 std::string_view after_stop(OperatorVerb verb, Mode mode) {
-  if (verb != OperatorVerb::press_stop && verb != OperatorVerb::deenergise) return "";
+  const bool is_stop =
+      verb == OperatorVerb::press_stop || verb == OperatorVerb::stop || verb == OperatorVerb::deenergise;
+  if (!is_stop) return "";
   if (mode == Mode::standby) return ": no drive has power; the next `takt arm` moves the robot";
   return mode == Mode::damped_stop || mode == Mode::fault_latched ? ": `takt arm` is refused until `takt reset`" : "";
 }
@@ -120,31 +122,16 @@ void print_reply(OperatorVerb verb, const OperatorReply& reply, const OperatorOp
 struct Stopped {
   RunningRobot robot;
   std::expected<OperatorReply, std::string> reply = std::unexpected("");
-  bool did_already = false;  // it was not pressed
 };
-
-// A robot in a stop is not pressed: that would be its second press, which takes the power away.
-void stop_one(OperatorVerb verb, Stopped& stopped) {
-  const std::string socket = config::executive_socket(stopped.robot.runtime_directory);
-  if (verb == OperatorVerb::press_stop) {
-    stopped.reply = ipc::ask(socket, OperatorVerb::status, kOperatorAnswersWithin);
-    if (stopped.reply) {
-      const Mode mode = stopped.reply->status.tick.mode;
-      stopped.did_already = mode == Mode::damped_stop || mode == Mode::fault_latched;
-    }
-  }
-  if (!stopped.did_already) stopped.reply = ipc::ask(socket, verb, kOperatorAnswersWithin);
-}
 
 int exit_code_of(const Stopped& stopped) {
   if (!stopped.reply) return kExitUnavailable;
-  return stopped.did_already || stopped.reply->done != 0 ? kExitOk : kExitFailed;
+  return stopped.reply->done != 0 ? kExitOk : kExitFailed;
 }
 
 std::string text_of(OperatorVerb verb, const Stopped& stopped) {
   if (!stopped.reply)
     return fmt::format("no executive answers in {}: {}", stopped.robot.runtime_directory, stopped.reply.error());
-  if (stopped.did_already) return fmt::format("mode {}, not pressed again", name(stopped.reply->status.tick.mode));
   const auto sentences = sentences_of(*stopped.reply);
   const Mode mode = stopped.reply->status.tick.mode;
   return sentences.empty() ? fmt::format("mode {}{}", name(mode), after_stop(verb, mode))
@@ -155,22 +142,27 @@ nlohmann::json json_of(OperatorVerb verb, const Stopped& stopped) {
   nlohmann::json json{{"robot", stopped.robot.name},
                       {"runtime_dir", stopped.robot.runtime_directory},
                       {"done", exit_code_of(stopped) == kExitOk},
-                      {"pressed", !stopped.did_already},
                       {"sentences", {text_of(verb, stopped)}},
                       {"status", nullptr}};
   if (stopped.reply) json["status"] = status_json(stopped.reply->status, stopped.reply->incident);
   return json;
 }
 
-// Each in a thread of its own: one that hangs keeps no other from being stopped.
-int stop_all(OperatorVerb verb, bool json) {
+// Each in a thread of its own: one that hangs keeps no other from being stopped. A stop as a program asks for it: it
+// may be repeated, and is never a second press, which would take the power of a robot that was stopped before.
+int stop_all(OperatorVerb asked, bool json) {
+  const OperatorVerb verb = asked == OperatorVerb::press_stop ? OperatorVerb::stop : asked;
   std::vector<Stopped> all;
   for (RunningRobot& robot : running_robots_anywhere(places_of_this_user())) all.push_back({.robot = std::move(robot)});
   if (all.empty()) return refuse_request(the_running_robot(places_of_this_user(), {}).error(), json);
   {
     std::vector<std::jthread> threads;
     threads.reserve(all.size());
-    for (Stopped& one : all) threads.emplace_back([verb, &one] { stop_one(verb, one); });
+    for (Stopped& one : all)
+      threads.emplace_back([verb, &one] {
+        const std::string socket = config::executive_socket(one.robot.runtime_directory);
+        one.reply = ipc::ask(socket, verb, kOperatorAnswersWithin);
+      });
   }
   int exit_code = kExitOk;
   nlohmann::json robots = nlohmann::json::array();
@@ -223,7 +215,7 @@ void add(CLI::App& app, int& exit_code, OperatorVerb verb, const char* word, con
   where->add_option("--robot", options->robot_file, "its robot file: the one of that name");
   if (verb == OperatorVerb::press_stop)
     where->add_flag("--all", options->all,
-                    "every robot of this user and of the units; one that stops already is not pressed again");
+                    "every robot of this user and of the units; softly, however often it is asked");
   where->require_option(0, 1);
   command->add_flag("--json", options->json, "one line of JSON");
   command->footer(footer);
