@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <string_view>
 
-namespace takt {
+namespace takt::config {
 
 enum class ChunkScore : std::uint8_t { temporal_error, reversals, jerk, inefficiency, stall, velocity };
 inline constexpr std::size_t kChunkScoreCount = 6;
@@ -17,4 +17,4 @@ constexpr std::string_view name(ChunkScore score) {
   return kChunkScoreNames[static_cast<std::size_t>(score)];
 }
 
-}  // namespace takt
+}  // namespace takt::config

@@ -14,7 +14,7 @@
 
 #include "config/robot_config.hpp"
 #include "policy_host/network.hpp"
-#include "policy_host/onnx/model.hpp"
+#include "policy_host/onnx_engine/model.hpp"
 #include "policy_host/policy.hpp"
 #include "policy_host/policy_tensors.hpp"
 

@@ -20,7 +20,7 @@
 #include <string_view>
 #include <vector>
 
-#include "policy_host/onnx/model.hpp"
+#include "policy_host/onnx_engine/model.hpp"
 
 namespace takt::policy_host {
 

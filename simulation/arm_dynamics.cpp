@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 // Longest sub-step: keeps the explicit part (gravity, Coriolis) accurate, not only stable.
@@ -117,4 +117,4 @@ void ArmDynamics::stop_at_limits(ArmState& state) const {
   }
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -22,7 +22,7 @@
 #include "simulation/mechanics.hpp"
 #include "simulation/serial_chain.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class ArmDynamics final : public Mechanics {
  public:
@@ -54,4 +54,4 @@ class ArmDynamics final : public Mechanics {
   std::vector<double> rotor_inertia_, lower_stop_, upper_stop_;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

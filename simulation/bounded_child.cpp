@@ -22,7 +22,7 @@
 
 #include "executive/ipc/unix_socket.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -141,4 +141,4 @@ std::expected<void, std::string> in_bounded_child(const std::function<std::expec
   return std::unexpected(ended_by(status, bounds));
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

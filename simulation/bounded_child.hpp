@@ -12,7 +12,7 @@
 
 #include "executive/contract/mono_time.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 struct ChildBounds {
   std::size_t bytes = std::size_t{1} << 30U;  // beyond what this process holds; not under a sanitizer
@@ -25,4 +25,4 @@ struct ChildBounds {
 std::expected<void, std::string> in_bounded_child(const std::function<std::expected<void, std::string>()>& work,
                                                   const ChildBounds& bounds = {});
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

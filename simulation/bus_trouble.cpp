@@ -8,7 +8,7 @@
 #include "drivers/protocol/protocol_table.hpp"
 #include "simulation/chance.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 // A classic frame without data, interframe space included, before stuffing.
@@ -66,4 +66,4 @@ void BusTrouble::overhear(const drivers::CanFrame& frame, MonoTime now) {
   for (const Rival& rival : rivals_) rival.host->decode({frame, now});
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -16,7 +16,7 @@
 #include "executive/contract/feedback.hpp"
 #include "simulation/device.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 struct BusFaults {
   BusState state = BusState::up;
@@ -54,4 +54,4 @@ class BusTrouble {
   std::vector<Rival> rivals_;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

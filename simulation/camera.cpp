@@ -7,7 +7,7 @@
 
 #include "simulation/chance.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 namespace {
 
@@ -65,4 +65,4 @@ std::optional<SensorSample> Camera::poll(MonoTime now) {
   return sample;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -16,7 +16,7 @@
 #include "executive/contract/mono_time.hpp"
 #include "executive/contract/sensor_sample.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 config::Vector3 target_at(const config::Simulation& simulation, Duration since_start);
 
@@ -37,4 +37,4 @@ class Camera {
   MonoTime shutter_, ready_;  // of the sample that is under way
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr double kGravity = 9.81;  // m/s^2
@@ -86,4 +86,4 @@ void CartPoleDynamics::stop_at_limits(ArmState& state) const {
   }
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -20,7 +20,7 @@
 #include "config/robot_config.hpp"
 #include "simulation/mechanics.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class CartPoleDynamics final : public Mechanics {
  public:
@@ -49,4 +49,4 @@ class CartPoleDynamics final : public Mechanics {
   std::array<double, 2> lower_stop_{}, upper_stop_{};
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <random>
 
-namespace takt::plant {
+namespace takt::simulation {
 
 // True with probability `share` (0..1). Draws only where there is something to decide, so that a fault that is off
 // leaves the sequence alone.
@@ -19,4 +19,4 @@ inline std::uint64_t seed_for(std::uint64_t seed, std::uint64_t place) {
   return seed ^ (0x9E37'79B9'7F4A'7C15U * (place + 1));
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 // Velocity loop: full torque at this joint-side error, and integrating; position loop around it, slower.
@@ -415,4 +415,4 @@ void Cia402Device::power_cycle(MonoTime now) {
   velocity_integral_ = torque_ = 0;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -24,7 +24,7 @@
 #include "simulation/cia402_power.hpp"
 #include "simulation/device.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class Cia402Device final : public Device {
  public:
@@ -85,4 +85,4 @@ class Cia402Device final : public Device {
   double velocity_integral_ = 0;  // Nm
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <string>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr std::uint8_t kMapEntries = 4;
@@ -272,4 +272,4 @@ SdoAbort Cia402Objects::check_count(std::uint16_t index, std::uint32_t count) co
   return bytes > 8 ? SdoAbort::map_too_long : SdoAbort::none;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -14,7 +14,7 @@
 
 #include "simulation/cia402_profile.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 enum class SdoAbort : std::uint32_t {
   none = 0,
@@ -81,4 +81,4 @@ class Cia402Objects {
   Entries power_on_, entries_;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

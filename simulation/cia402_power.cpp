@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "simulation/cia402_power.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using State = Cia402Power::State;
@@ -68,4 +68,4 @@ std::uint16_t Cia402Power::statusword() const {
   return 0;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

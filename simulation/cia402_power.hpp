@@ -14,7 +14,7 @@
 
 #include <cstdint>
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class Cia402Power {
  public:
@@ -43,4 +43,4 @@ class Cia402Power {
   std::uint16_t before_ = 0;  // the controlword before this one
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -9,7 +9,7 @@
 
 #include "config/robot_config.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 struct Cia402Profile {
   bool has_deadline = true;          // sub-index 5 of 1400
@@ -40,4 +40,4 @@ struct Cia402Profile {
 // A drive that is as the robot file says.
 Cia402Profile profile_of(const config::Drive& drive);
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

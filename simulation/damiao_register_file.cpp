@@ -6,7 +6,7 @@
 #include <bit>
 #include <string>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr std::int64_t kTimeoutUnit_ns = 50'000;
@@ -78,4 +78,4 @@ bool DamiaoRegisterFile::serve(std::span<const std::uint8_t, 8> order, bool enab
   return true;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

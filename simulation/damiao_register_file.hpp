@@ -16,7 +16,7 @@
 #include "config/robot_config.hpp"
 #include "executive/contract/mono_time.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 // What packed fields span, +-.
 struct MitSpans {
@@ -53,4 +53,4 @@ class DamiaoRegisterFile {
   Registers present_, stored_;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -21,7 +21,7 @@
 #include "drivers/bus/can_bus.hpp"
 #include "executive/contract/mono_time.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 enum class DeviceState : std::uint8_t { booting, disabled, enabled, lost, error };
 
@@ -116,4 +116,4 @@ class Winding {
 
 inline constexpr double kBusVoltage_V = 48;
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -7,7 +7,7 @@
 #include "simulation/odrive_device.hpp"
 #include "simulation/robstride_device.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 std::unique_ptr<Device> make_device(const config::Drive& drive, Duration watchdog) {
   switch (drive.protocol) {
@@ -25,4 +25,4 @@ std::unique_ptr<Device> make_device(const config::Drive& drive, Duration watchdo
   return nullptr;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -7,9 +7,9 @@
 #include "config/robot_config.hpp"
 #include "simulation/device.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 // `watchdog`: without a command for this long an enabled drive is lost. Null: no device plays this protocol.
 std::unique_ptr<Device> make_device(const config::Drive& drive, Duration watchdog);
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

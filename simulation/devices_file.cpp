@@ -9,7 +9,7 @@
 #include "config/schema.hpp"
 #include "executive/contract/joints.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr std::array<std::string_view, 1> kSchemas{"takt.devices/1"};
@@ -71,4 +71,4 @@ std::expected<config::RobotConfig, std::string> load_devices(const std::string& 
   return parse_devices(*text, path);
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -16,7 +16,7 @@
 
 #include "config/robot_config.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 // A robot of which only buses, simulation and of each joint name, bus, drive, inertia, home (where the device starts)
 // and limits.torque (what its brake holds: the drive's own torque) are filled in. All problems found, one per line.
@@ -24,4 +24,4 @@ std::expected<config::RobotConfig, std::string> load_devices(const std::string& 
 std::expected<config::RobotConfig, std::string> parse_devices(std::string_view text,
                                                               const std::string& name_for_messages);
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

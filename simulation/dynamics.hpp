@@ -9,7 +9,7 @@
 
 #include "executive/contract/mono_time.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 // Below this speed Coulomb friction acts as stiff damping instead of jumping between its two signs.
 inline constexpr double kRestSpeed = 1e-4;  // rad/s
@@ -33,4 +33,4 @@ class Dynamics {
   virtual void hoist(bool hangs) { (void)hangs; }
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace takt::plant {
+namespace takt::simulation {
 
 void FreeInertias::integrate(ArmState& state, const Eigen::VectorXd& tau, const std::vector<Friction>& friction,
                              Duration step) {
@@ -18,4 +18,4 @@ void FreeInertias::integrate(ArmState& state, const Eigen::VectorXd& tau, const 
   }
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

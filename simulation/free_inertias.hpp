@@ -6,7 +6,7 @@
 
 #include "simulation/dynamics.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class FreeInertias final : public Dynamics {
  public:
@@ -19,4 +19,4 @@ class FreeInertias final : public Dynamics {
   std::vector<double> inertia_;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -13,7 +13,7 @@
 #include "executive/ipc/descriptor.hpp"
 #include "executive/ipc/unix_socket.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 int code_of(int status) {
@@ -108,4 +108,4 @@ void KeptProcess::end() {
   process_ = 0;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

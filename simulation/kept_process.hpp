@@ -11,7 +11,7 @@
 #include <optional>
 #include <string>
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class KeptProcess {
  public:
@@ -34,4 +34,4 @@ class KeptProcess {
   pid_t process_ = 0, owner_ = 0;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

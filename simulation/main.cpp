@@ -30,7 +30,7 @@
 #include "simulation/simulated_sensors.hpp"
 #include "simulation/truth_log.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr int kPriority = 10;  // SCHED_FIFO
@@ -241,11 +241,11 @@ int run(const Options& options) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation
 
 int main(int argc, char** argv) {
   namespace program = takt::program;
-  takt::plant::Options options;
+  takt::simulation::Options options;
   CLI::App app(
       "Simulated drives, mechanics and camera of one robot; or drives alone, each on a flywheel.\n"
       "Examples:\n"
@@ -277,6 +277,6 @@ int main(int argc, char** argv) {
   if (const auto ended = program::parse(app, argc, argv)) return *ended;
   return program::run("takt-plant", [&] {
     if (options.debug) spdlog::set_level(spdlog::level::debug);
-    return takt::plant::run(options);
+    return takt::simulation::run(options);
   });
 }

@@ -7,7 +7,7 @@
 #include "simulation/cart_pole_dynamics.hpp"
 #include "simulation/mujoco_mechanics.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 SensorSample imu_sample(const ImuReading& reading, std::uint64_t sequence, MonoTime at) {
   SensorSample sample;
@@ -33,4 +33,4 @@ std::expected<std::unique_ptr<Mechanics>, std::string> make_mechanics(const conf
   return ArmDynamics::make(robot);
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

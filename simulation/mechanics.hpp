@@ -14,7 +14,7 @@
 #include "executive/contract/sensor_sample.hpp"
 #include "simulation/dynamics.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 // What an inertial measurement unit on the robot reads.
 struct ImuReading {
@@ -66,4 +66,4 @@ SensorSample imu_sample(const ImuReading& reading, std::uint64_t sequence, MonoT
 // The error is one sentence: what the robot file lacks.
 std::expected<std::unique_ptr<Mechanics>, std::string> make_mechanics(const config::RobotConfig& robot);
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

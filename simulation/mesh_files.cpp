@@ -10,7 +10,7 @@
 
 #include "config/xml_tags.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 namespace fs = std::filesystem;
@@ -105,4 +105,4 @@ std::string stand_in_mesh(double size) {
   return fmt::format(R"(vertex="0 0 0 {0} 0 0 0 {0} 0 0 0 {0}")", size);
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace takt::plant {
+namespace takt::simulation {
 
 struct MeshFiles {
   std::string text;
@@ -21,4 +21,4 @@ MeshFiles find_mesh_files(const std::string& text, const std::string& mesh_path,
 // A tetrahedron of this size (m), as attributes of a <mesh>.
 std::string stand_in_mesh(double size);
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 // Eight bytes, the first one the most significant.
@@ -252,4 +252,4 @@ void MitDevice::add_temperatures(drivers::CanFrame& frame) const {
   }
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

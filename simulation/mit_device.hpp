@@ -15,7 +15,7 @@
 #include "simulation/damiao_register_file.hpp"
 #include "simulation/device.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class MitDevice final : public Device {
  public:
@@ -61,4 +61,4 @@ class MitDevice final : public Device {
   DamiaoRegisterFile registers_;  // the others' never change
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

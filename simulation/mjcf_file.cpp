@@ -16,7 +16,7 @@
 #include "simulation/mjcf_frames.hpp"
 #include "simulation/mjcf_newer.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 template <class Visit>
@@ -193,4 +193,4 @@ MendedMjcf mend_mjcf(std::string text, const std::string& folder, const std::str
   return file;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

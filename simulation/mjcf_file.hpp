@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace takt::plant {
+namespace takt::simulation {
 
 // What a URDF's link without a mass weighs: kg, kgm2.
 inline constexpr double kLeastLinkMass = 1e-6, kLeastLinkInertia = 1e-9;
@@ -22,4 +22,4 @@ struct MendedMjcf {
 // are looked for next; empty: nowhere else.
 MendedMjcf mend_mjcf(std::string text, const std::string& folder, const std::string& mesh_path = {});
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -14,7 +14,7 @@
 #include "config/units.hpp"
 #include "config/xml_tags.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using config::XmlAttribute;
@@ -282,4 +282,4 @@ UnfoldedFrames unfold_frames(const std::string& text) {
   return std::move(unfolding).result();
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

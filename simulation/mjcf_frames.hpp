@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <string>
 
-namespace takt::plant {
+namespace takt::simulation {
 
 struct UnfoldedFrames {
   std::string text;
@@ -18,4 +18,4 @@ struct UnfoldedFrames {
 // what has neither (a composite), and numbers that cannot be read.
 UnfoldedFrames unfold_frames(const std::string& text);
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

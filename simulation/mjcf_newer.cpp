@@ -12,7 +12,7 @@
 
 #include "config/xml_tags.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr std::string_view kForces = "the drives' own torque limits hold";
@@ -269,4 +269,4 @@ std::vector<std::string> leave_out_newer(std::string& text) {
   return sentences;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-namespace takt::plant {
+namespace takt::simulation {
 
 // One sentence for each kind that was left out, or replaced, with the first line it was in.
 std::vector<std::string> leave_out_newer(std::string& text);
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -3,7 +3,7 @@
 
 #ifndef TAKT_HAS_MUJOCO
 
-namespace takt::plant {
+namespace takt::simulation {
 
 std::expected<config::ModelFacts, std::string> survey_model(const std::string& path, const std::string&) {
   return std::unexpected(path + ": this build has no MuJoCo to read it; install libmujoco-dev and build again");
@@ -13,7 +13,7 @@ std::expected<std::string, std::string> model_with_whole_paths(const std::string
   return std::unexpected(path + ": this build has no MuJoCo to read it; install libmujoco-dev and build again");
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation
 
 #else
 
@@ -29,7 +29,7 @@ std::expected<std::string, std::string> model_with_whole_paths(const std::string
 #include "simulation/mjcf_file.hpp"
 #include "simulation/mujoco_model.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using config::ModelJoint;
@@ -240,6 +240,6 @@ std::expected<std::string, std::string> model_with_whole_paths(const std::string
   return with_whole_paths(*text, mesh_path);
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation
 
 #endif

@@ -15,11 +15,11 @@
 
 #include "config/model_facts.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 std::expected<config::ModelFacts, std::string> survey_model(const std::string& path, const std::string& mesh_path = {});
 
 // The same model's text with the whole paths of its meshes, to be kept where those of the original are not found.
 std::expected<std::string, std::string> model_with_whole_paths(const std::string& path, const std::string& mesh_path);
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

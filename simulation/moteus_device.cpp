@@ -8,7 +8,7 @@
 #include <numbers>
 #include <string>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr double kRev = 2 * std::numbers::pi;
@@ -318,4 +318,4 @@ void MoteusDevice::power_cycle(MonoTime now) {
   booted_at_ = now + kBootTime;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -17,7 +17,7 @@
 
 #include "simulation/device.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class MoteusDevice final : public Device {
  public:
@@ -63,4 +63,4 @@ class MoteusDevice final : public Device {
   Winding winding_;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

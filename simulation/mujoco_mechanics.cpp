@@ -12,7 +12,7 @@
 #include "config/robot_text.hpp"
 #include "simulation/mujoco_model.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr mjtNum kHoist = 1e9;                        // kg, kg m2
@@ -309,4 +309,4 @@ std::expected<std::unique_ptr<MujocoMechanics>, std::string> MujocoMechanics::ma
   return std::make_unique<Engine>(std::move(*loaded), std::move(*joints), *keyframe, *site, robot.simulation->step);
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

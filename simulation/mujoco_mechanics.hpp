@@ -19,11 +19,11 @@
 #include "config/robot_config.hpp"
 #include "simulation/mechanics.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class MujocoMechanics : public Mechanics {
  public:
   static std::expected<std::unique_ptr<MujocoMechanics>, std::string> make(const config::RobotConfig& robot);
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -20,7 +20,7 @@
 #include "simulation/mjcf_file.hpp"
 #include "simulation/urdf_mimics.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 namespace fs = std::filesystem;
@@ -209,4 +209,4 @@ std::expected<LoadedModel, std::string> load_model(const config::ModelText& text
   return loaded;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -13,7 +13,7 @@
 
 #include "config/model_text.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 struct DeleteModel {
   void operator()(mjModel* model) const { mj_deleteModel(model); }
@@ -41,4 +41,4 @@ bool is_led(const mjModel& model, int joint);
 // The body with this root is free, and there is nothing that it could stand on.
 bool falls_for_ever(const mjModel& model, int root);
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <numbers>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
@@ -188,4 +188,4 @@ void OdriveDevice::power_cycle(MonoTime now) {
   booted_at_ = now + kBootTime;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -13,7 +13,7 @@
 
 #include "simulation/device.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class OdriveDevice final : public Device {
  public:
@@ -54,4 +54,4 @@ class OdriveDevice final : public Device {
   Clockwork estimates_{milliseconds(1), {}}, often_{milliseconds(10), {}}, seldom_{milliseconds(100), {}};
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

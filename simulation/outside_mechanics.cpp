@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 ArmState state_of(const takt_world_state& answer, std::size_t joint_count) {
@@ -142,4 +142,4 @@ bool OutsideMechanics::films(std::size_t sensor) const {
   return std::ranges::any_of(cameras, [&](std::size_t camera) { return sensor_of_camera_[camera] == sensor; });
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

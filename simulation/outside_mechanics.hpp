@@ -17,7 +17,7 @@
 #include "simulation/mechanics.hpp"
 #include "simulation/world_link.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class OutsideMechanics final : public Mechanics {
  public:
@@ -69,4 +69,4 @@ class OutsideMechanics final : public Mechanics {
   std::optional<WorldEnd> end_;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

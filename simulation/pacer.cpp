@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace takt::plant {
+namespace takt::simulation {
 
 int Pacer::steps_due(MonoTime now) {
   if (now < next_) return 0;
@@ -23,4 +23,4 @@ void Pacer::follow(MonoTime command_arrived_at) {
   next_ = next_ - Duration{std::clamp(off / 8, -most, most)};
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -11,7 +11,7 @@
 
 #include "executive/contract/mono_time.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class Pacer {
  public:
@@ -33,4 +33,4 @@ class Pacer {
   std::uint64_t skipped_ = 0;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

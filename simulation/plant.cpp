@@ -9,7 +9,7 @@
 #include "simulation/device_table.hpp"
 #include "simulation/free_inertias.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr auto index(std::size_t joint) {
@@ -155,4 +155,4 @@ void Plant::step() {
   now_ = now_ + simulation_.step;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -23,7 +23,7 @@
 #include "simulation/dynamics.hpp"
 #include "simulation/reply_path.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 // Longer than a fall takes of a robot whose joints are braked.
 inline constexpr Duration kTakenUpAfter = seconds(3);
@@ -89,4 +89,4 @@ class Plant {
   MonoTime now_{1};
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

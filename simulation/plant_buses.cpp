@@ -8,7 +8,7 @@
 #include "drivers/bus/open_bus.hpp"
 #include "drivers/bus/socketcan_bus.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 std::expected<PlantBuses, std::string> PlantBuses::open(const config::RobotConfig& robot,
                                                         const std::string& runtime_directory, bool on_hardware) {
@@ -90,4 +90,4 @@ void PlantBuses::set_faults(std::size_t bus, const BusFaults& faults) {
   end.hub->report_error_state(faults.state);
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -14,7 +14,7 @@
 #include "simulation/bus_trouble.hpp"
 #include "simulation/plant.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class PlantBuses {
  public:
@@ -48,4 +48,4 @@ class PlantBuses {
   Frames out_, strangers_;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

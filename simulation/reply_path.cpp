@@ -5,7 +5,7 @@
 
 #include "simulation/chance.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 bool ReplyPath::is_lost() {
   return faults_.silent || happens(faults_.drop, random_);
@@ -25,4 +25,4 @@ void ReplyPath::deliver(MonoTime now, Frames& arrived) {
   on_the_way_.erase(on_the_way_.begin(), rest);
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

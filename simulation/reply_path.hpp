@@ -10,7 +10,7 @@
 #include "executive/contract/mono_time.hpp"
 #include "simulation/device.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 // What is wrong with one drive's connection; each lasts until it is taken back.
 struct LineFaults {
@@ -51,4 +51,4 @@ class ReplyPath {
   std::mt19937_64 random_;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

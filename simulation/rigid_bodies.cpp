@@ -3,14 +3,14 @@
 
 #ifndef TAKT_HAS_MUJOCO
 
-namespace takt::plant {
+namespace takt::simulation {
 
 std::expected<std::optional<config::Model>, std::string> rigid_bodies(const std::string&, const std::string&,
                                                                       const std::vector<std::string>&) {
   return std::nullopt;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation
 
 #else
 
@@ -24,7 +24,7 @@ std::expected<std::optional<config::Model>, std::string> rigid_bodies(const std:
 #include "config/units.hpp"
 #include "simulation/mujoco_model.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using Eigen::Matrix3d;
@@ -193,6 +193,6 @@ std::expected<std::optional<config::Model>, std::string> rigid_bodies(const std:
   return bodies;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation
 
 #endif

@@ -13,7 +13,7 @@
 
 #include "config/robot_config.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 // One link per joint of `joints`, in that order. The tool is the centre of mass of the last one.
 // None: the base is free, a joint is a ball, or a joint stands before one that carries it. Error: one sentence.
@@ -21,4 +21,4 @@ std::expected<std::optional<config::Model>, std::string> rigid_bodies(const std:
                                                                       const std::string& mesh_path,
                                                                       const std::vector<std::string>& joints);
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -3,7 +3,7 @@
 
 #include <utility>
 
-namespace takt::plant {
+namespace takt::simulation {
 
 std::expected<RobotPlant, std::string> RobotPlant::make(const config::RobotConfig& robot,
                                                         std::span<const double> payloads) {
@@ -26,4 +26,4 @@ std::expected<RobotPlant, std::string> RobotPlant::make_in(std::unique_ptr<Outsi
   return RobotPlant(std::move(*plant), mechanics);
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

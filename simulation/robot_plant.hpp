@@ -9,7 +9,7 @@
 #include "simulation/plant.hpp"
 #include "simulation/troubled_mechanics.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class RobotPlant final : public Plant {
  public:
@@ -33,4 +33,4 @@ class RobotPlant final : public Plant {
   TroubledMechanics* mechanics_;  // the Plant's
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <string>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 enum Type : unsigned {
@@ -331,4 +331,4 @@ drivers::CanFrame RobstrideDevice::fault_report() const {
   return frame;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

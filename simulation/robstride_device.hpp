@@ -20,7 +20,7 @@
 
 #include "simulation/device.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class RobstrideDevice final : public Device {
  public:
@@ -72,4 +72,4 @@ class RobstrideDevice final : public Device {
   Winding winding_;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -16,7 +16,7 @@
 #include "drivers/protocol/protocol_table.hpp"
 #include "simulation/device_table.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr std::array<std::string_view, 1> kSchemas{"takt.scenario/1"};
@@ -321,4 +321,4 @@ std::string text_of(const FaultEvent& event) {
   return text;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

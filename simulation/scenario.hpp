@@ -20,7 +20,7 @@
 #include "executive/contract/mono_time.hpp"
 #include "simulation/device.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 // fault             of      while it lasts
 // error             joint   the drive found an error; stays until the host clears it, so it has no length
@@ -101,4 +101,4 @@ std::expected<Scenario, std::string> parse_scenario(std::string_view text, const
 // "silent for 200 ms", "over_temperature", "delay of 3 ms": for logs.
 std::string text_of(const FaultEvent& event);
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

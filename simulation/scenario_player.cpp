@@ -7,7 +7,7 @@
 #include <numbers>
 #include <utility>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 void add_to_line(const FaultEvent& event, LineFaults& line) {
@@ -159,4 +159,4 @@ void ScenarioPlayer::apply(Plant& plant) {
   for (std::size_t joint = 0; joint < lines.size(); ++joint) plant.set_line(joint, lines[joint]);
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

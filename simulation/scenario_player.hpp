@@ -15,7 +15,7 @@
 #include "simulation/sensor_path.hpp"
 #include "simulation/troubled_mechanics.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class ScenarioPlayer {
  public:
@@ -54,4 +54,4 @@ class ScenarioPlayer {
   std::vector<MonoTime> enabled_at_;  // per joint, unset before
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

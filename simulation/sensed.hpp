@@ -8,7 +8,7 @@
 
 #include "executive/contract/sensor_sample.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 // Row after row, the channels of a pixel together; of the shape that the robot file declares. Copies share it.
 using Pixels = std::shared_ptr<const std::vector<std::uint8_t>>;
@@ -18,4 +18,4 @@ struct Sensed {
   Pixels pixels{};      // null: the sensor has numbers
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

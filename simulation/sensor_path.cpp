@@ -7,7 +7,7 @@
 
 #include "simulation/chance.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 MonoTime delivery_of(MonoTime published_at, const SensorFaults& faults) {
@@ -46,4 +46,4 @@ std::optional<Sensed> SensorPath::deliver(MonoTime now) {
   return sensed;
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

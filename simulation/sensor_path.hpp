@@ -12,7 +12,7 @@
 #include "executive/contract/mono_time.hpp"
 #include "simulation/sensed.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 struct SensorFaults {
   double drop = 0;            // share of samples lost, 0..1
@@ -40,4 +40,4 @@ class SensorPath {
   Sensed before_freeze_;  // sequence 0: none yet
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

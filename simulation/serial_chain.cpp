@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "simulation/serial_chain.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 KDL::Vector vector(const config::Vector3& v) {
@@ -67,4 +67,4 @@ config::Vector3 SerialChain::point(const Eigen::VectorXd& q, const config::Vecto
   return {at.x(), at.y(), at.z()};
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -13,7 +13,7 @@
 
 #include "config/robot_config.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class SerialChain {
  public:
@@ -43,4 +43,4 @@ class SerialChain {
   KDL::Wrenches no_forces_;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

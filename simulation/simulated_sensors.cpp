@@ -10,7 +10,7 @@
 #include "executive/contract/image_sample.hpp"
 #include "simulation/chance.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr std::uint64_t kSensorPathStream = 201;  // and one more for each sensor
@@ -87,4 +87,4 @@ void SimulatedSensors::look(RobotPlant& body, const ScenarioPlayer& scenario, Mo
     while (const auto sensed = path.deliver(now)) publish(*server, *sensed);
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

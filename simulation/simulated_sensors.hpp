@@ -22,7 +22,7 @@
 #include "simulation/scenario_player.hpp"
 #include "simulation/sensor_path.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 class SimulatedSensors {
  public:
@@ -53,4 +53,4 @@ class SimulatedSensors {
   std::uint64_t imu_samples_ = 0;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -6,7 +6,7 @@
 
 #include "simulation/plant.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 // The link with a point mass at `at`. Only the moments about the axes are kept, as in the robot file.
@@ -113,4 +113,4 @@ void TroubledMechanics::integrate(ArmState& state, const Eigen::VectorXd& tau, c
                    rubs ? with_more(friction) : friction, step);
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -16,7 +16,7 @@
 #include "config/robot_config.hpp"
 #include "simulation/mechanics.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 struct BodyTrouble {
   config::Vector3 towards{};  // length 1; of the force
@@ -60,4 +60,4 @@ class TroubledMechanics final : public Mechanics {
   BodyTrouble trouble_;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -9,7 +9,7 @@
 #include <iterator>
 #include <span>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 void append_list(std::string& line, std::string_view key, std::span<const double> values) {
@@ -47,4 +47,4 @@ void TruthLog::flush() {
   std::fflush(file_.get());
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

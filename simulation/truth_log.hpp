@@ -14,7 +14,7 @@
 #include "executive/contract/mono_time.hpp"
 #include "simulation/arm_dynamics.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 struct Truth {
   MonoTime at;
@@ -39,4 +39,4 @@ class TruthLog {
   std::string line_;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

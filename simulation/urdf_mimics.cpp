@@ -8,7 +8,7 @@
 #include "config/units.hpp"
 #include "config/xml_tags.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 double number_or(const config::XmlTag& tag, std::string_view attribute, double otherwise) {
@@ -42,4 +42,4 @@ std::string mimics_as_equalities(const std::string& text) {
   return equalities.empty() ? equalities : "<equality>" + equalities + "</equality>";
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

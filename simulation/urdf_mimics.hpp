@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace takt::plant {
+namespace takt::simulation {
 
 struct Mimic {
   std::string joint, follows;
@@ -18,4 +18,4 @@ std::vector<Mimic> mimics_of(const std::string& text);
 // The same as an <equality> section of an MJCF; empty: there are none.
 std::string mimics_as_equalities(const std::string& text);
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -19,7 +19,7 @@
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/unix_socket.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 static_assert(TAKT_WORLD_MAX_JOINTS == kMaxJoints && TAKT_WORLD_MAX_VALUES <= kMaxSensorValues);
@@ -403,4 +403,4 @@ std::optional<WorldEnd> WorldLink::judge_outcome(const takt_world_state& state) 
   }
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

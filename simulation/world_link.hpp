@@ -22,7 +22,7 @@
 #include "executive/ipc/segment.hpp"
 #include "simulation/sensed.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 enum class WorldEndKind : std::uint8_t {
   absent,     // no world listened, in all the time there was
@@ -134,4 +134,4 @@ class WorldLink {
   std::optional<WorldEnd> ended_;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

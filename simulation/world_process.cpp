@@ -10,7 +10,7 @@
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/unix_socket.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr Duration kLookAgain = milliseconds(10);
@@ -85,4 +85,4 @@ std::expected<WorldFacts, WorldEnd> WorldProcess::ask(const config::RobotConfig&
   return WorldFacts{link.world(), link.gives()};
 }
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -16,7 +16,7 @@
 #include "simulation/kept_process.hpp"
 #include "simulation/outside_mechanics.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 
 // What a world says of itself before it plays.
 struct WorldFacts {
@@ -60,4 +60,4 @@ class WorldProcess {
   KeptProcess process_;
 };
 
-}  // namespace takt::plant
+}  // namespace takt::simulation

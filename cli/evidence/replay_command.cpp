@@ -20,12 +20,12 @@ struct ReplayOptions {
 int replay(const ReplayOptions& options) {
   const auto run = monitor::open_run(options.directory);
   if (!run) return fail("takt replay", run.error());
-  const auto report = monitor::replay(*run, options.from);
+  const auto report = evidence::replay(*run, options.from);
   if (!report) return fail("takt replay", report.error());
   if (options.json) {
-    fmt::print("{}\n", json_line(monitor::to_json(*report)));
+    fmt::print("{}\n", json_line(evidence::to_json(*report)));
   } else {
-    fmt::print("{}", monitor::replay_text(*report));
+    fmt::print("{}", evidence::replay_text(*report));
   }
   if (!report->reproduces()) return kExitFailed;
   return report->is_whole() ? kExitOk : kExitNotJudged;

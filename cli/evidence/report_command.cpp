@@ -28,16 +28,16 @@ std::string truth_file(const ReportOptions& options, const monitor::RecordedRun&
   if (!options.truth.empty()) return options.truth;
   std::string beside = run.folder.path() + "/truth.jsonl";
   if (!std::filesystem::exists(beside)) return "";
-  const auto target = monitor::TaskTarget::open(beside);
+  const auto target = evidence::TaskTarget::open(beside);
   if (target) return beside;
   fmt::print(stderr, "takt report: the playback shows no target: {}\n", target.error());
   return "";
 }
 
-std::expected<std::optional<monitor::RunComparison>, std::string> comparison_of(const ReportOptions& options,
-                                                                                const nlohmann::ordered_json& metrics) {
+std::expected<std::optional<evidence::RunComparison>, std::string> comparison_of(
+    const ReportOptions& options, const nlohmann::ordered_json& metrics) {
   if (options.against.empty()) return std::nullopt;
-  auto comparison = monitor::compare_with(metrics, options.against);
+  auto comparison = evidence::compare_with(metrics, options.against);
   if (!comparison) return std::unexpected(comparison.error());
   return std::move(*comparison);
 }
@@ -45,24 +45,24 @@ std::expected<std::optional<monitor::RunComparison>, std::string> comparison_of(
 int report(const ReportOptions& options) {
   const auto run = monitor::open_run(options.directory);
   if (!run) return fail("takt report", run.error());
-  const auto review = monitor::review_of(*run);
+  const auto review = evidence::review_of(*run);
   if (!review) return fail("takt report", review.error());
   const auto& [metrics, faults] = *review;
   auto json = monitor::to_json(metrics, *run);
   const auto comparison = comparison_of(options, json);
   if (!comparison) return fail("takt report", comparison.error());
-  const auto series = monitor::series_of(*run, metrics, faults, truth_file(options, *run));
+  const auto series = evidence::series_of(*run, metrics, faults, truth_file(options, *run));
   if (!series) return fail("takt report", series.error());
   const std::string path = options.html.empty() ? run->folder.report() : options.html;
-  const std::string page = monitor::report_html({*run, metrics, faults, *series, *comparison});
+  const std::string page = evidence::report_html({*run, metrics, faults, *series, *comparison});
   const auto written = monitor::replace_file(path, page);
   if (options.json) {
     json["faults"] = monitor::to_json(faults);
-    json["comparison"] = *comparison ? monitor::to_json(**comparison) : nullptr;
+    json["comparison"] = *comparison ? evidence::to_json(**comparison) : nullptr;
     fmt::print("{}\n", json_line(json));
   } else {
-    fmt::print("{}{}{}", monitor::report_text(metrics, *run), monitor::faults_of_record(metrics, faults),
-               *comparison ? monitor::comparison_text(**comparison) : "");
+    fmt::print("{}{}{}", evidence::report_text(metrics, *run), evidence::faults_of_record(metrics, faults),
+               *comparison ? evidence::comparison_text(**comparison) : "");
     if (written) fmt::print("page          {}\n", config::printable(path));
   }
   std::fflush(stdout);

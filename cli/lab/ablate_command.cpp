@@ -30,14 +30,14 @@ struct AblateOptions {
 };
 
 // As in config/panels/harm.yaml.
-double bound_of(panel::Task task) {
+double bound_of(evidence::Task task) {
   switch (task) {
-    case panel::Task::cart_pole_balance:
+    case evidence::Task::cart_pole_balance:
       return 0.4;
-    case panel::Task::base_velocity:
+    case evidence::Task::base_velocity:
       return 0.15;
-    case panel::Task::arm_tracking:
-    case panel::Task::world:
+    case evidence::Task::arm_tracking:
+    case evidence::Task::world:
       break;
   }
   return 0.02;
@@ -47,20 +47,20 @@ constexpr Duration kWalksUntil = seconds(8);
 int run(const AblateOptions& options) {
   const auto checked = check_robot_file(options.robot);
   if (!checked) return refuse(config::kExitBadConfiguration, checked.error());
-  const panel::Task task = panel::task_of(checked->robot);
+  const evidence::Task task = evidence::task_of(checked->robot);
   std::optional<Progress> progress("rollouts");
-  margin::AblationSetup setup{.robot_file = options.robot,
-                              .task = task,
-                              .seeds = options.seeds,
-                              .workers = options.workers,
-                              .bound_m = options.bound_mm > 0 ? options.bound_mm / 1e3 : bound_of(task),
-                              .on_progress = [&](std::size_t done, std::size_t of) { progress->show(done, of); }};
+  study::AblationSetup setup{.robot_file = options.robot,
+                             .task = task,
+                             .seeds = options.seeds,
+                             .workers = options.workers,
+                             .bound_m = options.bound_mm > 0 ? options.bound_mm / 1e3 : bound_of(task),
+                             .on_progress = [&](std::size_t done, std::size_t of) { progress->show(done, of); }};
   std::ranges::copy(options.command, setup.base_velocity.command.begin());
   setup.base_velocity.until = kWalksUntil;
-  const auto found = margin::ablate(setup);
+  const auto found = study::ablate(setup);
   progress.reset();
   if (!found) return fail("takt ablate", found.error());
-  fmt::print("{}", options.json ? json_line(margin::to_json(*found)) + "\n" : margin::ablation_text(*found));
+  fmt::print("{}", options.json ? json_line(study::to_json(*found)) + "\n" : study::ablation_text(*found));
   return kExitOk;
 }
 

@@ -60,41 +60,40 @@ std::uint64_t nonce() {
   return (std::uint64_t{device()} << 32U) | device();
 }
 
-std::expected<panel::Recomputed, std::string> recomputed(const panel::Artifact& artifact, const AuditOptions& options,
-                                                         std::size_t rows) {
-  auto panel = panel::load_panel(options.panel.empty() ? artifact.folder.panel() : options.panel);
+std::expected<lab::Recomputed, std::string> recomputed(const lab::Artifact& artifact, const AuditOptions& options,
+                                                       std::size_t rows) {
+  auto panel = lab::load_panel(options.panel.empty() ? artifact.folder.panel() : options.panel);
   if (!panel) return std::unexpected(panel.error());
   panel->robot = options.robot;
-  panel::keep_what_ran(artifact.manifest, *panel);
-  std::optional<panel::UnpackedInputs> kept;
+  lab::keep_what_ran(artifact.manifest, *panel);
+  std::optional<lab::UnpackedInputs> kept;
   if (options.panel.empty()) {
-    auto unpacked = panel::UnpackedInputs::unpack(artifact.folder);
+    auto unpacked = lab::UnpackedInputs::unpack(artifact.folder);
     if (!unpacked) return std::unexpected(unpacked.error());
     kept.emplace(std::move(*unpacked));
-    for (panel::PanelTask& task : panel->tasks) {
-      const auto robot = kept->robots().find(std::string(panel::kTaskNames[static_cast<std::size_t>(task.task)]));
+    for (lab::PanelTask& task : panel->tasks) {
+      const auto robot = kept->robots().find(std::string(evidence::kTaskNames[static_cast<std::size_t>(task.task)]));
       if (robot != kept->robots().end()) task.robot = robot->second;
     }
   }
-  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host, options.policy_may});
+  auto contest = lab::Contest::prepare(std::move(*panel), {options.world, options.policy_host, options.policy_may});
   if (!contest) return std::unexpected(contest.error());
-  return panel::recompute(artifact, *contest, panel::drawn_rows(rows, artifact.rows.size(), nonce()), options.workers);
+  return lab::recompute(artifact, *contest, lab::drawn_rows(rows, artifact.rows.size(), nonce()), options.workers);
 }
 
 std::expected<std::string, std::string> signer(const AuditOptions& options) {
   const auto key = monitor::read_file(options.signed_by);
   if (!key) return std::unexpected(key.error());
-  return panel::check_signature(options.directory, *key);
+  return lab::check_signature(options.directory, *key);
 }
 
-std::expected<panel::TimeStamp, std::string> stamp(const AuditOptions& options) {
+std::expected<lab::TimeStamp, std::string> stamp(const AuditOptions& options) {
   const auto certificates = monitor::read_file(options.time_by);
   if (!certificates) return std::unexpected(certificates.error());
-  return panel::check_time(options.directory, *certificates);
+  return lab::check_time(options.directory, *certificates);
 }
 
-std::expected<panel::Registered, std::string> registration(const panel::Artifact& artifact,
-                                                           const AuditOptions& options) {
+std::expected<lab::Registered, std::string> registration(const lab::Artifact& artifact, const AuditOptions& options) {
   const auto key = monitor::read_file(options.registered_by);
   if (!key) return std::unexpected(key.error());
   std::optional<std::string> certificates;
@@ -103,11 +102,11 @@ std::expected<panel::Registered, std::string> registration(const panel::Artifact
     if (!text) return std::unexpected(text.error());
     certificates = std::move(*text);
   }
-  return panel::check_registration(artifact, *key, certificates);
+  return lab::check_registration(artifact, *key, certificates);
 }
 
-panel::Vouching vouching(const AuditOptions& options) {
-  panel::Vouching vouching;
+lab::Vouching vouching(const AuditOptions& options) {
+  lab::Vouching vouching;
   if (!options.signed_by.empty()) vouching.signed_by = signer(options);
   if (vouching.signed_by && !options.time_by.empty()) vouching.stamped = stamp(options);
   return vouching;
@@ -121,29 +120,29 @@ int audit_run(const AuditOptions& options) {
                               kCommand, options.directory));
   const auto run = monitor::open_run(options.directory);
   if (!run) return fail(kCommand, run.error());
-  panel::RunAudit result = panel::audit_run(*run);
+  lab::RunAudit result = lab::audit_run(*run);
   result.vouching = vouching(options);
-  fmt::print("{}", options.json ? json_line(panel::to_json(result)) + "\n" : panel::audit_text(result));
+  fmt::print("{}", options.json ? json_line(lab::to_json(result)) + "\n" : lab::audit_text(result));
   return result.is_consistent() ? kExitOk : kExitFailed;
 }
 
-std::vector<panel::PlannedRollout> drawn(const panel::Panel& panel, std::size_t count) {
-  const auto plan = panel::plan_of(panel, {});
-  std::vector<panel::PlannedRollout> some;
-  for (const std::size_t one : panel::drawn_rows(count, plan.size(), nonce())) some.push_back(plan[one]);
+std::vector<lab::PlannedRollout> drawn(const lab::Panel& panel, std::size_t count) {
+  const auto plan = lab::plan_of(panel, {});
+  std::vector<lab::PlannedRollout> some;
+  for (const std::size_t one : lab::drawn_rows(count, plan.size(), nonce())) some.push_back(plan[one]);
   return some;
 }
 
-std::expected<panel::Recomputed, std::string> recomputed(const panel::Attestation& attestation,
-                                                         const AuditOptions& options) {
-  auto panel = panel::attested_panel(attestation);
+std::expected<lab::Recomputed, std::string> recomputed(const evidence::Attestation& attestation,
+                                                       const AuditOptions& options) {
+  auto panel = lab::attested_panel(attestation);
   if (!panel) return std::unexpected(panel.error());
   panel->robot = options.robot;
-  const auto count = rows_of(options.recompute, panel::plan_of(*panel, {}).size());
+  const auto count = rows_of(options.recompute, lab::plan_of(*panel, {}).size());
   if (!count) return std::unexpected("write a number of rollouts or a share, such as 6 or 25%");
-  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host, options.policy_may});
+  auto contest = lab::Contest::prepare(std::move(*panel), {options.world, options.policy_host, options.policy_may});
   if (!contest) return std::unexpected(contest.error());
-  return panel::recompute(attestation, *contest, drawn(contest->panel(), *count), options.workers);
+  return lab::recompute(attestation, *contest, drawn(contest->panel(), *count), options.workers);
 }
 
 int audit_attestation(const AuditOptions& options) {
@@ -157,15 +156,15 @@ int audit_attestation(const AuditOptions& options) {
                                           kCommand));
   const auto text = monitor::read_file(options.directory);
   if (!text) return fail(kCommand, text.error());
-  const auto attestation = panel::attestation_of(*text);
+  const auto attestation = evidence::attestation_of(*text);
   if (!attestation) return fail(kCommand, fmt::format("{} {}", options.directory, attestation.error()));
-  std::optional<panel::Recomputed> again;
+  std::optional<lab::Recomputed> again;
   if (!options.recompute.empty()) {
     auto made = recomputed(*attestation, options);
     if (!made) return fail(kCommand, "--recompute: " + made.error());
     again = std::move(*made);
   }
-  fmt::print("{}", panel::audit_text(*attestation, again));
+  fmt::print("{}", lab::audit_text(*attestation, again));
   return again && !again->differences.empty() ? kExitFailed : kExitOk;
 }
 
@@ -176,14 +175,14 @@ int audit(const AuditOptions& options) {
   if (std::filesystem::exists(monitor::RunFolder(options.directory).ticks())) return audit_run(options);
   if (!options.robot.empty() && options.panel.empty())
     return refuse(kExitUsage, fmt::format("{}: an artifact keeps its robot files: --robot needs --panel", kCommand));
-  const auto artifact = panel::open_artifact(options.directory);
+  const auto artifact = lab::open_artifact(options.directory);
   if (!artifact) return fail(kCommand, artifact.error());
   if (options.draft) {
-    const auto drafted = panel::draft_post_mortems(*artifact);
+    const auto drafted = lab::draft_post_mortems(*artifact);
     if (!drafted) return fail(kCommand, drafted.error());
     fmt::print(stderr, "{} post-mortems drafted in {}\n", *drafted, config::printable(artifact->folder.post_mortems()));
   }
-  panel::Audit result = panel::audit(*artifact, panel::panel_promise(artifact->folder.panel()));
+  lab::Audit result = lab::audit(*artifact, lab::panel_promise(artifact->folder.panel()));
   if (!options.recompute.empty()) {
     const auto rows = rows_of(options.recompute, artifact->rows.size());
     if (!rows)
@@ -196,9 +195,9 @@ int audit(const AuditOptions& options) {
   result.vouching = vouching(options);
   if (!options.registered_by.empty()) result.registered = registration(*artifact, options);
   if (options.json) {
-    fmt::print("{}\n", json_line(panel::to_json(result)));
+    fmt::print("{}\n", json_line(lab::to_json(result)));
   } else {
-    fmt::print("{}", panel::audit_text(result));
+    fmt::print("{}", lab::audit_text(result));
   }
   return result.is_consistent() ? kExitOk : kExitFailed;
 }

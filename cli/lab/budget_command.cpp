@@ -28,7 +28,7 @@ struct BudgetOptions {
 
 // What is asked, and the rate whose periods are drawn.
 struct Asked {
-  budget::Question question;
+  study::Question question;
   double focus_Hz = 50;
 };
 
@@ -55,7 +55,7 @@ std::expected<double, Refusal> parse_ms(std::string_view text) {
 }
 
 // "inference=15ms", "inference=15ms/40ms": typical and worst.
-std::expected<budget::StageTime, Refusal> parse_stage(std::string_view text) {
+std::expected<study::StageTime, Refusal> parse_stage(std::string_view text) {
   const std::size_t equals = text.find('=');
   if (equals == std::string_view::npos || equals == 0)
     return usage(fmt::format("--stage {}: write NAME=TIME or NAME=TYPICAL/WORST, such as inference=15ms/40ms", text));
@@ -67,34 +67,34 @@ std::expected<budget::StageTime, Refusal> parse_stage(std::string_view text) {
   if (!worst) return Refused(worst.error());
   if (*worst < *typical)
     return usage(fmt::format("--stage {}: the worst case comes second and is the longer one", text));
-  return budget::StageTime{std::string(text.substr(0, equals)), *typical, *worst, "command line"};
+  return study::StageTime{std::string(text.substr(0, equals)), *typical, *worst, "command line"};
 }
 
 std::expected<Asked, Refusal> ask_source(const std::string& source) {
   if (source.empty()) {
-    const auto usual = budget::usual_rates_Hz();
-    return Asked{{budget::figure_stages(), {}, {usual.begin(), usual.end()}, {}}, 50};
+    const auto usual = study::usual_rates_Hz();
+    return Asked{{study::figure_stages(), {}, {usual.begin(), usual.end()}, {}}, 50};
   }
   if (std::filesystem::is_directory(source)) {
     const auto run = monitor::open_run(source);
     if (!run) return Refused({kExitFailed, "takt budget: " + run.error()});
     const auto metrics = monitor::metrics_of(*run);
     if (!metrics) return Refused({kExitFailed, "takt budget: " + metrics.error()});
-    auto question = budget::question_of(*run, *metrics);
+    auto question = study::question_of(*run, *metrics);
     if (!question) return Refused({kExitFailed, "takt budget: " + question.error()});
-    return Asked{std::move(*question), budget::focus_Hz_of(run->robot)};
+    return Asked{std::move(*question), study::focus_Hz_of(run->robot)};
   }
   const auto checked = check_robot_file(source);
   if (!checked) return Refused({config::kExitBadConfiguration, checked.error()});
-  return Asked{budget::question_of(checked->robot, checked->loads), budget::focus_Hz_of(checked->robot)};
+  return Asked{study::question_of(checked->robot, checked->loads), study::focus_Hz_of(checked->robot)};
 }
 
 // A stage of the command line replaces the one of its name, or comes last.
-std::expected<void, Refusal> add_stages(const BudgetOptions& options, budget::Question& question) {
+std::expected<void, Refusal> add_stages(const BudgetOptions& options, study::Question& question) {
   for (const std::string& text : options.stages) {
     auto stage = parse_stage(text);
     if (!stage) return Refused(stage.error());
-    const auto same = std::ranges::find(question.stages, stage->name, &budget::StageTime::name);
+    const auto same = std::ranges::find(question.stages, stage->name, &study::StageTime::name);
     if (same != question.stages.end())
       *same = std::move(*stage);
     else
@@ -102,7 +102,7 @@ std::expected<void, Refusal> add_stages(const BudgetOptions& options, budget::Qu
     question.measured_total.reset();
   }
   const bool works = std::ranges::any_of(
-      question.stages, [](const budget::StageTime& stage) { return !stage.waits && stage.worst_ms > 0; });
+      question.stages, [](const study::StageTime& stage) { return !stage.waits && stage.worst_ms > 0; });
   if (!works) return usage("no stage takes any time; give one with --stage NAME=TIME");
   return {};
 }
@@ -134,11 +134,11 @@ std::expected<Asked, Refusal> ask(const BudgetOptions& options) {
   return asked;
 }
 
-int judge(const BudgetOptions& options, const budget::Budget& result, double focus_Hz) {
+int judge(const BudgetOptions& options, const study::Budget& result, double focus_Hz) {
   if (options.require.empty()) return kExitOk;
-  const auto rate = std::ranges::find(result.rates, focus_Hz, &budget::RateBudget::rate_Hz);
-  const budget::Execution& how = options.serial ? rate->serial : rate->pipelined;
-  return how.fit == budget::Fit::fits && how.is_fresh ? kExitOk : kExitFailed;
+  const auto rate = std::ranges::find(result.rates, focus_Hz, &study::RateBudget::rate_Hz);
+  const study::Execution& how = options.serial ? rate->serial : rate->pipelined;
+  return how.fit == study::Fit::fits && how.is_fresh ? kExitOk : kExitFailed;
 }
 
 int run(const BudgetOptions& options) {
@@ -147,15 +147,15 @@ int run(const BudgetOptions& options) {
     fmt::print(stderr, "{}\n", asked.error().sentence);
     return asked.error().exit_code;
   }
-  const budget::Budget result = budget::budget_of(std::move(asked->question));
+  const study::Budget result = study::budget_of(std::move(asked->question));
   if (!options.svg.empty()) {
-    if (auto written = monitor::replace_file(options.svg, budget::budget_svg(result, asked->focus_Hz)); !written) {
+    if (auto written = monitor::replace_file(options.svg, study::budget_svg(result, asked->focus_Hz)); !written) {
       fmt::print(stderr, "takt budget: {}\n", written.error());
       return kExitFailed;
     }
   }
   fmt::print("{}",
-             options.json ? json_line(budget::to_json(result)) + "\n" : budget::budget_text(result, asked->focus_Hz));
+             options.json ? json_line(study::to_json(result)) + "\n" : study::budget_text(result, asked->focus_Hz));
   return judge(options, result, asked->focus_Hz);
 }
 

@@ -23,7 +23,7 @@ struct CompareOptions {
 };
 
 int compare(const CompareOptions& options) {
-  std::optional<panel::SuccessMargin> margin;
+  std::optional<lab::SuccessMargin> margin;
   if (!options.margin.empty()) {
     const auto width = margin_of(options.margin);
     if (!width)
@@ -32,25 +32,25 @@ int compare(const CompareOptions& options) {
                                             options.margin));
     margin = {.width = *width, .with_plan = options.plan};
   }
-  const auto a = panel::open_finished_artifact(options.a);
+  const auto a = lab::open_finished_artifact(options.a);
   if (!a) return fail("takt compare", a.error());
-  const auto b = panel::open_finished_artifact(options.b.empty() ? options.a : options.b);
+  const auto b = lab::open_finished_artifact(options.b.empty() ? options.a : options.b);
   if (!b) return fail("takt compare", b.error());
-  auto comparison = panel::compare(*a, *b, options.method_a, options.method_b);
+  auto comparison = lab::compare(*a, *b, options.method_a, options.method_b);
   if (!comparison) return fail("takt compare", comparison.error());
   comparison->margin = margin;
-  if (const auto promise = panel::panel_promise(a->folder.panel()))
-    panel::name_configuration(*a, *b, *promise, *comparison);
+  if (const auto promise = lab::panel_promise(a->folder.panel()))
+    lab::name_configuration(*a, *b, *promise, *comparison);
   else
     comparison->notes.push_back(promise.error());
   if (!options.html.empty()) {
-    auto written = monitor::replace_file(options.html, panel::comparison_html(*comparison));
+    auto written = monitor::replace_file(options.html, lab::comparison_html(*comparison));
     if (!written) return fail("takt compare", written.error());
   }
   if (options.json) {
-    fmt::print("{}\n", json_line(panel::to_json(*comparison)));
+    fmt::print("{}\n", json_line(lab::to_json(*comparison)));
   } else {
-    fmt::print("{}", options.rows ? panel::comparison_rows_text(*comparison) : panel::comparison_text(*comparison));
+    fmt::print("{}", options.rows ? lab::comparison_rows_text(*comparison) : lab::comparison_text(*comparison));
   }
   return kExitOk;
 }

@@ -41,28 +41,28 @@ struct TaskDefaults {
 };
 
 // A cart has a way to go when it is told another place, and a robot that walks sways about its way.
-TaskDefaults defaults_of(panel::Task task) {
+TaskDefaults defaults_of(evidence::Task task) {
   switch (task) {
-    case panel::Task::cart_pole_balance:
+    case evidence::Task::cart_pole_balance:
       return {0.4, seconds(12)};
-    case panel::Task::base_velocity:
+    case evidence::Task::base_velocity:
       return {0.3, seconds(12)};
-    case panel::Task::arm_tracking:
-    case panel::Task::world:
+    case evidence::Task::arm_tracking:
+    case evidence::Task::world:
       break;
   }
   return {0.02, seconds(8)};
 }
 
-std::expected<std::optional<margin::AgeTolerance>, std::string> measure_task(const MarginOptions& options,
-                                                                             const config::RobotConfig& robot) {
+std::expected<std::optional<study::AgeTolerance>, std::string> measure_task(const MarginOptions& options,
+                                                                            const config::RobotConfig& robot) {
   if (options.no_task || !robot.policy) return std::nullopt;
-  panel::WorldProcess world(options.world);
-  const auto task = panel::task_of(robot, options.world.empty() ? nullptr : &world);
+  evidence::WorldProcess world(options.world);
+  const auto task = evidence::task_of(robot, options.world.empty() ? nullptr : &world);
   if (!task) return std::unexpected(task.error());
   const TaskDefaults defaults = defaults_of(*task);
   Progress progress("rollouts at most");
-  margin::ToleranceSetup setup{
+  study::ToleranceSetup setup{
       .robot_file = options.robot,
       .task = *task,
       .seeds = options.seeds,
@@ -70,26 +70,26 @@ std::expected<std::optional<margin::AgeTolerance>, std::string> measure_task(con
       .safety = options.safety,
       .bound_m = options.has_bound ? options.bound_mm / 1e3 : defaults.bound_m,
       .duration = defaults.duration,
-      .on_progress = [&](const margin::ToleranceProgress& at) { progress.show(at.rollouts, at.at_most, at.dose); },
+      .on_progress = [&](const study::ToleranceProgress& at) { progress.show(at.rollouts, at.at_most, at.dose); },
       .outside = {options.world, options.policy_host, options.policy_may}};
   std::ranges::copy(options.command, setup.base_velocity.command.begin());
-  auto found = margin::age_tolerance(setup);
+  auto found = study::age_tolerance(setup);
   if (!found) return std::unexpected(found.error());
   return std::move(*found);
 }
 
 // Why nothing is said of the joints' loops; empty: it is.
 std::string why_not_measured(const MarginOptions& options, const config::RobotConfig& robot) {
-  if (std::string why = margin::no_rest(robot); !why.empty()) return why;
+  if (std::string why = study::no_rest(robot); !why.empty()) return why;
   return robot.model || options.world.empty() ? "" : "another process plays its mechanics (--world)";
 }
 
-std::expected<std::vector<margin::JointMargins>, std::string> measure_joints(const config::RobotConfig& robot) {
+std::expected<std::vector<study::JointMargins>, std::string> measure_joints(const config::RobotConfig& robot) {
   Progress progress("joints");
-  return margin::joint_margins({.robot = robot,
-                                .measured = robot,
-                                .pose = margin::home_pose(robot),
-                                .on_joint = [&](std::size_t done, std::size_t of) { progress.show(done, of); }});
+  return study::joint_margins({.robot = robot,
+                               .measured = robot,
+                               .pose = study::home_pose(robot),
+                               .on_joint = [&](std::size_t done, std::size_t of) { progress.show(done, of); }});
 }
 
 int run(const MarginOptions& options) {
@@ -106,26 +106,26 @@ int run(const MarginOptions& options) {
   const std::string not_measured = why_not_measured(options, robot);
   if (!not_measured.empty() && (options.no_task || !options.svg.empty()))
     return fail("takt margin", robot.file + ": " + not_measured + "; leave out --no-task and --svg");
-  std::expected<std::vector<margin::JointMargins>, std::string> joints;
+  std::expected<std::vector<study::JointMargins>, std::string> joints;
   if (not_measured.empty()) joints = measure_joints(robot);
   if (!joints) return fail("takt margin", joints.error());
-  if (!options.svg.empty() && std::ranges::none_of(*joints, &margin::JointMargins::has_loop))
+  if (!options.svg.empty() && std::ranges::none_of(*joints, &study::JointMargins::has_loop))
     return fail("takt margin", robot.file + ": no joint has a loop to draw; leave out --svg");
   auto task = measure_task(options, robot);
   if (!task) {
     // What was measured of the joints holds whatever the task does.
     const bool is_told = !options.json && !joints->empty();
-    if (is_told) fmt::print("{}", margin::margin_text({robot, std::move(*joints), std::nullopt, not_measured}));
+    if (is_told) fmt::print("{}", study::margin_text({robot, std::move(*joints), std::nullopt, not_measured}));
     return fail("takt margin", task.error());
   }
-  const margin::MarginReport report{robot, std::move(*joints), std::move(*task), not_measured};
+  const study::MarginReport report{robot, std::move(*joints), std::move(*task), not_measured};
   if (!options.svg.empty()) {
-    if (auto written = monitor::replace_file(options.svg, margin::bode_svg(report.joints)); !written)
+    if (auto written = monitor::replace_file(options.svg, study::bode_svg(report.joints)); !written)
       return fail("takt margin", written.error());
   }
-  fmt::print("{}", options.json ? json_line(margin::to_json(report)) + "\n" : margin::margin_text(report));
-  for (const margin::JointMargins& joint : report.joints)
-    if (joint.rings()) fmt::print(stderr, "takt margin: {}\n", margin::ringing_sentence(joint));
+  fmt::print("{}", options.json ? json_line(study::to_json(report)) + "\n" : study::margin_text(report));
+  for (const study::JointMargins& joint : report.joints)
+    if (joint.rings()) fmt::print(stderr, "takt margin: {}\n", study::ringing_sentence(joint));
   if (!report.agrees()) return kExitFailed;
   return report.rings() ? kExitRings : kExitOk;
 }
@@ -138,7 +138,7 @@ void add_margin(CLI::App& app, int& exit_code) {
   command->add_option("ROBOT", options->robot, "robot file with a `simulation`")->required();
   command->add_flag("--no-task", options->no_task, "the stabiliser only, without the policy's rollouts");
   command->add_option("--seeds", options->seeds, "rollouts per dose; below 59 nothing can be shown")
-      ->check(CLI::Range(std::uint64_t{margin::kLeastSeeds}, std::uint64_t{100'000}));
+      ->check(CLI::Range(std::uint64_t{study::kLeastSeeds}, std::uint64_t{100'000}));
   command->add_option("--workers", options->workers, "processes that share the rollouts; results do not depend on it")
       ->check(CLI::Range(1, 1024));
   CLI::Option* const bound =

@@ -19,48 +19,48 @@ struct AttestOptions {
   std::string directory, robot_file, of, method, out;
 };
 
-std::expected<std::string, std::string> method_of(const AttestOptions& options, const panel::Panel& panel) {
+std::expected<std::string, std::string> method_of(const AttestOptions& options, const lab::Panel& panel) {
   if (options.method.empty() && panel.methods.size() == 1) return panel.methods.front().name;
-  const auto found = std::ranges::find(panel.methods, options.method, &panel::PanelMethod::name);
+  const auto found = std::ranges::find(panel.methods, options.method, &lab::PanelMethod::name);
   if (found != panel.methods.end()) return found->name;
   std::string names;
-  for (const panel::PanelMethod& method : panel.methods) names += (names.empty() ? "" : ", ") + method.name;
+  for (const lab::PanelMethod& method : panel.methods) names += (names.empty() ? "" : ", ") + method.name;
   return std::unexpected(fmt::format("--method is one of {}", names));
 }
 
 // As that method ran it.
-std::expected<config::RobotConfig, std::string> robot_of(const AttestOptions& options, const panel::PanelTask& task,
-                                                         const panel::Panel& panel, const std::string& method) {
+std::expected<config::RobotConfig, std::string> robot_of(const AttestOptions& options, const lab::PanelTask& task,
+                                                         const lab::Panel& panel, const std::string& method) {
   auto robot = config::load(options.robot_file);
   if (robot && !task.overrides.empty()) robot = config::with_overrides(*robot, task.overrides);
-  const auto found = std::ranges::find(panel.methods, method, &panel::PanelMethod::name);
+  const auto found = std::ranges::find(panel.methods, method, &lab::PanelMethod::name);
   if (robot && !found->overrides.empty()) robot = config::with_overrides(*robot, found->overrides);
   return robot;
 }
 
 int attest(const AttestOptions& options) {
   constexpr const char* kCommand = "takt panel attest";
-  const auto artifact = panel::open_finished_artifact(options.directory);
+  const auto artifact = lab::open_finished_artifact(options.directory);
   if (!artifact) return fail(kCommand, artifact.error());
-  const auto panel = panel::load_panel(artifact->folder.panel());
+  const auto panel = lab::load_panel(artifact->folder.panel());
   if (!panel) return fail(kCommand, panel.error());
   if (panel->sha256 != artifact->manifest.panel_sha256)
     return fail(kCommand, artifact->folder.panel() + ": not the panel that the rows were computed from");
   const auto method = method_of(options, *panel);
   if (!method) return refuse(kExitUsage, fmt::format("{}: {}", kCommand, method.error()));
-  const auto task = std::ranges::find(panel->tasks, panel::Task::base_velocity, &panel::PanelTask::task);
+  const auto task = std::ranges::find(panel->tasks, evidence::Task::base_velocity, &lab::PanelTask::task);
   if (task == panel->tasks.end())
     return fail(kCommand, options.directory + ": no task of this panel tells whether a robot fell (base_velocity)");
   const auto robot = robot_of(options, *task, *panel, *method);
   if (!robot) return refuse(config::kExitBadConfiguration, robot.error());
-  const auto made = panel::attest(*artifact, panel->text, *robot, options.of, *method,
-                                  {task->base_velocity.least_height, task->base_velocity.most_tilt});
+  const auto made = lab::attest(*artifact, panel->text, *robot, options.of, *method,
+                                {task->base_velocity.least_height, task->base_velocity.most_tilt});
   if (!made) return fail(kCommand, made.error());
-  if (const std::string why = panel::shortcoming(*made, *robot, options.of); !why.empty())
+  if (const std::string why = evidence::shortcoming(*made, *robot, options.of); !why.empty())
     return fail(kCommand, fmt::format("{} is not shown: {}", options.of, why));
-  if (const auto done = monitor::replace_file(options.out, panel::attestation_text(*made)); !done)
+  if (const auto done = monitor::replace_file(options.out, evidence::attestation_text(*made)); !done)
     return fail(kCommand, done.error());
-  fmt::print("{}: {}\n", options.of, panel::what_it_shows(*made));
+  fmt::print("{}: {}\n", options.of, evidence::what_it_shows(*made));
   return kExitOk;
 }
 

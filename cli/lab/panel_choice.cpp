@@ -14,22 +14,22 @@ namespace takt::cli {
 namespace {
 
 // One robot has one task: of a panel of several, --robot runs its own alone. Empty: fine.
-std::string keep_task_of(const std::string& robot_file, panel::Panel& panel) {
+std::string keep_task_of(const std::string& robot_file, lab::Panel& panel) {
   if (robot_file.empty() || panel.tasks.size() < 2) return {};
   const auto robot = config::load(robot_file);
   if (!robot) return robot.error();
-  const panel::Task task = panel::task_of(*robot);
-  std::erase_if(panel.tasks, [&](const panel::PanelTask& one) { return one.task != task; });
+  const evidence::Task task = evidence::task_of(*robot);
+  std::erase_if(panel.tasks, [&](const lab::PanelTask& one) { return one.task != task; });
   if (!panel.tasks.empty()) return {};
   return fmt::format("{}: the panel has no task {}, which this robot is for; name another robot by --robot", panel.file,
-                     panel::kTaskNames[static_cast<std::size_t>(task)]);
+                     evidence::kTaskNames[static_cast<std::size_t>(task)]);
 }
 
 }  // namespace
 
 std::expected<ChosenPanel, Refusal> chosen_panel(const char* command, const std::string& file,
                                                  const PanelChoice& choice) {
-  auto panel = panel::load_panel(file);
+  auto panel = lab::load_panel(file);
   if (!panel) return std::unexpected(Refusal{config::kExitBadConfiguration, panel.error()});
   ChosenPanel chosen{std::move(*panel), {}};
   if (!choice.method.empty()) {
@@ -39,7 +39,7 @@ std::expected<ChosenPanel, Refusal> chosen_panel(const char* command, const std:
           Refusal{kExitUsage, fmt::format("{}: --method {}: no method of this panel", command, choice.method)});
   }
   if (!choice.until_decided.empty()) {
-    auto two = panel::keep_two_methods(choice.until_decided, chosen.panel);
+    auto two = lab::keep_two_methods(choice.until_decided, chosen.panel);
     if (!two)
       return std::unexpected(
           Refusal{kExitUsage, fmt::format("{}: --until-decided {}: {}", command, choice.until_decided, two.error())});

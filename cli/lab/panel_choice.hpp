@@ -18,12 +18,12 @@ struct PanelChoice {
   std::string robot, method, until_decided, world, policy_host;
   policy_host::Grants policy_may;
   std::uint64_t seeds = 0;  // 0: as many as the panel says
-  [[nodiscard]] panel::OutsideProcesses outside() const { return {world, policy_host, policy_may}; }
+  [[nodiscard]] evidence::OutsideProcesses outside() const { return {world, policy_host, policy_may}; }
 };
 void add_panel_choice(CLI::App& command, PanelChoice& choice);
 
 struct ChosenPanel {
-  panel::Panel panel;
+  lab::Panel panel;
   std::array<std::string, 2> rivals;  // of --until-decided; empty: without
 };
 // `command`: for the sentence.

@@ -17,13 +17,13 @@ struct PanelMergeOptions {
 };
 
 int merge(const PanelMergeOptions& options) {
-  std::vector<panel::Artifact> artifacts;
+  std::vector<lab::Artifact> artifacts;
   for (const std::string& directory : options.directories) {
-    auto artifact = panel::open_artifact(directory);
+    auto artifact = lab::open_artifact(directory);
     if (!artifact) return fail("takt panel merge", artifact.error());
     artifacts.push_back(std::move(*artifact));
   }
-  const auto merged = panel::merge(options.out, artifacts);
+  const auto merged = lab::merge(options.out, artifacts);
   if (!merged) return fail("takt panel merge", merged.error());
   fmt::print("{}: {} rows, {} methods\n", merged->manifest.artifact_id, merged->rows.size(),
              merged->manifest.methods.size());

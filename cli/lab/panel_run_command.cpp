@@ -37,8 +37,8 @@ struct PanelRunOptions {
   bool resume = false, json = false, real_time = false, allow_non_realtime = false;
 };
 
-std::optional<panel::Shard> shard_of(const std::string& text) {
-  panel::Shard shard;
+std::optional<lab::Shard> shard_of(const std::string& text) {
+  lab::Shard shard;
   const char* const end = text.data() + text.size();
   const auto [slash, first] = std::from_chars(text.data(), end, shard.index);
   if (first != std::errc{} || slash == end || *slash != '/') return std::nullopt;
@@ -59,37 +59,37 @@ std::optional<std::uint64_t> seed_of(const std::string& rollout_id) {
 }
 
 // A rollout of a run with more seeds than the file names (--seeds) can be run again without saying how many there were.
-void plan_for(std::uint64_t seed, panel::Panel& panel) {
+void plan_for(std::uint64_t seed, lab::Panel& panel) {
   if (seed >= panel.first_seed && seed < panel.first_seed + panel.seed_count) return;
   panel.first_seed = seed;
   panel.seed_count = 1;
 }
 
-std::expected<panel::ArtifactWriter, std::string> open_writer(const PanelRunOptions& options,
-                                                              const panel::ArtifactManifest& manifest,
-                                                              const std::string& panel_text) {
-  const bool begun = std::filesystem::exists(panel::ArtifactFolder(options.out).manifest());
-  if (options.resume && begun) return panel::ArtifactWriter::resume(options.out, manifest);
-  auto writer = panel::ArtifactWriter::create(options.out, manifest, panel_text);
+std::expected<lab::ArtifactWriter, std::string> open_writer(const PanelRunOptions& options,
+                                                            const lab::ArtifactManifest& manifest,
+                                                            const std::string& panel_text) {
+  const bool begun = std::filesystem::exists(lab::ArtifactFolder(options.out).manifest());
+  if (options.resume && begun) return lab::ArtifactWriter::resume(options.out, manifest);
+  auto writer = lab::ArtifactWriter::create(options.out, manifest, panel_text);
   // Only of a panel that begins: what is registered later says nothing of its rows.
-  if (const auto kept = panel::keep_registration(options.panel, panel::ArtifactFolder(options.out)); writer && !kept)
+  if (const auto kept = lab::keep_registration(options.panel, lab::ArtifactFolder(options.out)); writer && !kept)
     return std::unexpected(kept.error());
   return writer;
 }
 
 // The post-mortem first: a row that is there has its own.
-std::expected<void, std::string> keep(panel::ArtifactWriter& rows, const panel::RanRollout& ran) {
+std::expected<void, std::string> keep(lab::ArtifactWriter& rows, const lab::RanRollout& ran) {
   if (!ran.post_mortem.empty()) {
-    const auto kept = panel::keep_post_mortem(rows.folder(), ran.row, ran.post_mortem);
+    const auto kept = lab::keep_post_mortem(rows.folder(), ran.row, ran.post_mortem);
     if (!kept) return std::unexpected(kept.error());
   }
   return rows.append(ran.row);
 }
 
 // `decision`: under --until-decided.
-void print_summary(const PanelRunOptions& options, const std::string& id, const std::vector<panel::RolloutRow>& rows,
-                   std::size_t ran, const std::optional<panel::SequentialDecision>& decision) {
-  const auto succeeded = std::ranges::count_if(rows, &panel::RolloutRow::success);
+void print_summary(const PanelRunOptions& options, const std::string& id, const std::vector<evidence::RolloutRow>& rows,
+                   std::size_t ran, const std::optional<lab::SequentialDecision>& decision) {
+  const auto succeeded = std::ranges::count_if(rows, &evidence::RolloutRow::success);
   if (options.json) {
     nlohmann::ordered_json summary{
         {"artifact", options.out}, {"rollouts", rows.size()}, {"ran_now", ran}, {"succeeded", succeeded}};
@@ -99,32 +99,32 @@ void print_summary(const PanelRunOptions& options, const std::string& id, const 
     fmt::print("{}\n", json_line(summary));
     return;
   }
-  const std::string harm = panel::harm_table(rows);
-  fmt::print("{}\n{}\n{}{}\n{}{}{} rollouts, {} of them now, {} succeeded: {} in {}\n", panel::panel_table(rows),
-             panel::latency_table(rows), panel::motion_table(rows), panel::confusion_text(panel::confusions_of(rows)),
-             harm, harm.empty() ? "" : "\n", rows.size(), ran, succeeded, id, config::printable(options.out));
+  const std::string harm = lab::harm_table(rows);
+  fmt::print("{}\n{}\n{}{}\n{}{}{} rollouts, {} of them now, {} succeeded: {} in {}\n", lab::panel_table(rows),
+             lab::latency_table(rows), lab::motion_table(rows), lab::confusion_text(lab::confusions_of(rows)), harm,
+             harm.empty() ? "" : "\n", rows.size(), ran, succeeded, id, config::printable(options.out));
   if (decision) fmt::print("{}\n", decision->text());
 }
 
-panel::Timing timing_of(const PanelRunOptions& options) {
-  if (!options.real_time) return panel::Timing::virtual_time;
-  return options.allow_non_realtime ? panel::Timing::real_without_guarantees : panel::Timing::real;
+lab::Timing timing_of(const PanelRunOptions& options) {
+  if (!options.real_time) return lab::Timing::virtual_time;
+  return options.allow_non_realtime ? lab::Timing::real_without_guarantees : lab::Timing::real;
 }
 
-std::expected<void, std::string> run_all(const PanelRunOptions& options, panel::Contest& contest,
-                                         const std::vector<panel::PlannedRollout>& rollouts,
-                                         const std::optional<RealRollouts>& real, panel::ArtifactWriter& rows,
-                                         std::optional<panel::SequentialDecision>& decision) {
+std::expected<void, std::string> run_all(const PanelRunOptions& options, lab::Contest& contest,
+                                         const std::vector<lab::PlannedRollout>& rollouts,
+                                         const std::optional<RealRollouts>& real, lab::ArtifactWriter& rows,
+                                         std::optional<lab::SequentialDecision>& decision) {
   Progress progress("rollouts");
   std::size_t arrived = 0;
-  const auto deliver = [&](const panel::RanRollout& ran) {
+  const auto deliver = [&](const lab::RanRollout& ran) {
     progress.show(++arrived, rollouts.size());
     if (decision) decision->add(ran.row);
     return keep(rows, ran);
   };
   const auto is_enough = [&] { return decision && decision->is_made(); };
-  if (!real) return panel::run_in_workers(contest, rollouts, options.workers, deliver, is_enough);
-  for (const panel::PlannedRollout& planned : rollouts) {
+  if (!real) return lab::run_in_workers(contest, rollouts, options.workers, deliver, is_enough);
+  for (const lab::PlannedRollout& planned : rollouts) {
     if (is_enough()) break;
     const auto ran = real->run(planned);
     if (!ran) return std::unexpected(ran.error());
@@ -138,25 +138,25 @@ int run(const PanelRunOptions& options) {
   if (!shard) return refuse(kExitUsage, "takt panel run: --shard " + options.shard + ": write I/N, such as 1/4");
   auto chosen = chosen_panel("takt panel run", options.panel, options.choice);
   if (!chosen) return refuse(chosen.error().exit_code, chosen.error().sentence);
-  const panel::OutsideProcesses outside = options.choice.outside();
+  const evidence::OutsideProcesses outside = options.choice.outside();
   if (const std::string why = crowded_world(outside.world, options.workers); !why.empty())
     return refuse(kExitUsage, "takt panel run: " + why);
-  panel::Panel& panel = chosen->panel;
+  lab::Panel& panel = chosen->panel;
   if (const auto seed = seed_of(options.only)) plan_for(*seed, panel);
-  auto plan = panel::plan_of(panel, *shard);
+  auto plan = lab::plan_of(panel, *shard);
   if (plan.empty())
     return refuse(kExitUsage,
                   fmt::format("takt panel run: --shard {}: the panel has {} rollouts, and this part has none; "
                               "write fewer parts",
-                              options.shard, panel::plan_of(panel, {}).size()));
-  auto contest = panel::Contest::prepare(std::move(panel), outside);
+                              options.shard, lab::plan_of(panel, {}).size()));
+  auto contest = lab::Contest::prepare(std::move(panel), outside);
   if (!contest) return refuse(config::kExitBadConfiguration, contest.error());
   if (!options.only.empty()) {
-    std::erase_if(plan, [&](const auto& one) { return panel::rollout_id(contest->identity(one)) != options.only; });
+    std::erase_if(plan, [&](const auto& one) { return evidence::rollout_id(contest->identity(one)) != options.only; });
     if (plan.empty())
       return refuse(kExitUsage, "takt panel run: --only " + options.only + ": no rollout of this panel");
   }
-  std::optional<panel::SequentialDecision> decision;
+  std::optional<lab::SequentialDecision> decision;
   if (!options.choice.until_decided.empty()) decision.emplace(chosen->rivals, plan);
   std::optional<RealRollouts> real;
   if (options.real_time) {
@@ -164,19 +164,19 @@ int run(const PanelRunOptions& options) {
     if (!made) return refuse(config::kExitBadConfiguration, made.error());
     real.emplace(std::move(*made));
   }
-  panel::ArtifactManifest manifest = contest->manifest(plan.size());
+  lab::ArtifactManifest manifest = contest->manifest(plan.size());
   manifest.timing = timing_of(options);
   manifest.shard = {shard->index, shard->count};
   if (decision) manifest.until_decided = {chosen->rivals.begin(), chosen->rivals.end()};
   auto rows = open_writer(options, manifest, contest->panel().text);
   if (!rows) return refuse(kExitFailed, "takt panel run: " + rows.error());
-  if (const auto kept = panel::keep_inputs(*contest, rows->folder()); !kept)
+  if (const auto kept = lab::keep_inputs(*contest, rows->folder()); !kept)
     return refuse(kExitFailed, "takt panel run: " + kept.error());
 
   if (decision)
-    for (const panel::RolloutRow& row : rows->rows()) decision->add(row);
-  std::vector<panel::PlannedRollout> remaining;
-  for (const panel::PlannedRollout& one : plan)
+    for (const evidence::RolloutRow& row : rows->rows()) decision->add(row);
+  std::vector<lab::PlannedRollout> remaining;
+  for (const lab::PlannedRollout& one : plan)
     if (!rows->has(contest->identity(one))) remaining.push_back(one);
   const std::size_t there = rows->rows().size();
   const auto done = run_all(options, *contest, remaining, real, *rows, decision);

@@ -31,10 +31,11 @@ struct CalibrateArguments {
   double stretch_s = 10;
 };
 
-std::vector<ChunkScore> scores_of(const CalibrateArguments& arguments) {
-  std::vector<ChunkScore> scores;
+std::vector<config::ChunkScore> scores_of(const CalibrateArguments& arguments) {
+  std::vector<config::ChunkScore> scores;
   for (const std::string& word : arguments.scores)
-    scores.push_back(static_cast<ChunkScore>(std::ranges::find(kChunkScoreNames, word) - kChunkScoreNames.begin()));
+    scores.push_back(static_cast<config::ChunkScore>(std::ranges::find(config::kChunkScoreNames, word) -
+                                                     config::kChunkScoreNames.begin()));
   return scores;
 }
 
@@ -50,24 +51,24 @@ config::ChunkMonitors rule_of(const monitor::RecordedRun& run) {
 
 int from_artifact(const CalibrateArguments& arguments) {
   constexpr std::string_view command = "takt policy calibrate";
-  const auto artifact = panel::open_artifact(arguments.directories.front());
+  const auto artifact = lab::open_artifact(arguments.directories.front());
   if (!artifact) return fail(command, artifact.error());
-  std::vector<panel::RolloutRow> rows;
-  for (const panel::RolloutRow& row : artifact->rows)
+  std::vector<evidence::RolloutRow> rows;
+  for (const evidence::RolloutRow& row : artifact->rows)
     if ((arguments.task.empty() || row.task == arguments.task) &&
         (arguments.method.empty() || row.method == arguments.method))
       rows.push_back(row);
-  const bool one_kind = std::ranges::all_of(rows, [&](const panel::RolloutRow& row) {
+  const bool one_kind = std::ranges::all_of(rows, [&](const evidence::RolloutRow& row) {
     return row.task == rows.front().task && row.method == rows.front().method;
   });
   if (!one_kind)
     return refuse(kExitUsage, std::string(command) +
                                   ": the rows are of several tasks or methods; name one with --task and --method");
-  const auto detection = panel::detection_of(rows, scores_of(arguments), arguments.alarms);
+  const auto detection = lab::detection_of(rows, scores_of(arguments), arguments.alarms);
   if (!detection) return fail(command, detection.error());
   print_monitors(detection->rule, fmt::format("at most {:g} of nominal rollouts like the {} calibrated on have a catch",
                                               arguments.alarms, detection->calibrated_on));
-  fmt::print(stderr, "{}", panel::detection_text(*detection));
+  fmt::print(stderr, "{}", lab::detection_text(*detection));
   return kExitOk;
 }
 
@@ -94,14 +95,14 @@ int from_runs(const CalibrateArguments& arguments) {
         return fail(command, fmt::format("{} is of {} than {}; calibrate them apart", directory, why,
                                          arguments.directories.front()));
     }
-    const auto levels = monitor::usual_stretches(*run, Duration{std::llround(arguments.stretch_s * 1e9)});
+    const auto levels = evidence::usual_stretches(*run, Duration{std::llround(arguments.stretch_s * 1e9)});
     if (!levels) return fail(command, levels.error());
     usual.insert(usual.end(), levels->begin(), levels->end());
     if (!first) first = std::move(*run);
     progress->show(++read, arguments.directories.size());
   }
   progress.reset();
-  auto thresholds = panel::calibrate(usual, scores_of(arguments), arguments.alarms);
+  auto thresholds = lab::calibrate(usual, scores_of(arguments), arguments.alarms);
   if (!thresholds) return fail(command, thresholds.error());
   config::ChunkMonitors rule = rule_of(*first);
   rule.thresholds = std::move(*thresholds);
@@ -115,7 +116,7 @@ int calibrate(const CalibrateArguments& arguments) {
     return refuse(kExitUsage, "takt policy calibrate: --stretch is a time from 0.1 s to 1 h");
   if (std::set(arguments.scores.begin(), arguments.scores.end()).size() != arguments.scores.size())
     return refuse(kExitUsage, "takt policy calibrate: --scores names a score twice");
-  const bool of_panel = std::filesystem::exists(panel::ArtifactFolder(arguments.directories.front()).rows());
+  const bool of_panel = std::filesystem::exists(lab::ArtifactFolder(arguments.directories.front()).rows());
   if (!of_panel) return from_runs(arguments);
   if (arguments.directories.size() == 1) return from_artifact(arguments);
   return refuse(kExitUsage,
@@ -133,7 +134,8 @@ void add_policy_calibrate(CLI::App& app, int& exit_code) {
   command->add_option("--scores", arguments->scores, "to watch, separated by commas")
       ->delimiter(',')
       ->capture_default_str()
-      ->check(CLI::IsMember(std::vector<std::string>(kChunkScoreNames.begin(), kChunkScoreNames.end())));
+      ->check(
+          CLI::IsMember(std::vector<std::string>(config::kChunkScoreNames.begin(), config::kChunkScoreNames.end())));
   command->add_option("--alarms", arguments->alarms, "share of stretches without a fault that may have a catch")
       ->capture_default_str()
       ->check(CLI::Range(1e-6, 1.0));

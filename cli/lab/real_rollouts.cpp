@@ -63,7 +63,7 @@ double cpu_seconds(const rusage& usage) {
 class ChildMeter {
  public:
   ChildMeter() { getrusage(RUSAGE_CHILDREN, &before_); }
-  void fill(Duration lived, panel::HostMeasured& host) const {
+  void fill(Duration lived, evidence::HostMeasured& host) const {
     rusage now{};
     getrusage(RUSAGE_CHILDREN, &now);
     host.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();
@@ -92,19 +92,19 @@ std::expected<void, std::string> run_to_its_end(ChildProcess& process, std::chro
 }
 
 // Every sentence about what a real robot cannot be made to do.
-std::set<std::string> obstacles(const panel::Contest& contest, const std::string& policy_host) {
+std::set<std::string> obstacles(const lab::Contest& contest, const std::string& policy_host) {
   std::set<std::string> found;
-  const panel::Panel& panel = contest.panel();
-  for (const panel::PlannedRollout& planned : panel::plan_of(panel, {})) {
-    const panel::PanelMethod& method = panel.methods[planned.method];
-    const panel::Perturbation perturbation = panel.perturbations[planned.perturbation].resolved();
+  const lab::Panel& panel = contest.panel();
+  for (const lab::PlannedRollout& planned : lab::plan_of(panel, {})) {
+    const lab::PanelMethod& method = panel.methods[planned.method];
+    const evidence::Perturbation perturbation = panel.perturbations[planned.perturbation].resolved();
     const config::RobotConfig& robot = contest.contestant(planned).robot;
     if (method.repeat_last)
       found.insert(fmt::format("method {}: `link: repeat_last` exists in virtual time only", method.name));
-    if (method.method.built_in != panel::BuiltIn::takt)
+    if (method.method.built_in != evidence::BuiltIn::takt)
       found.insert(fmt::format("method {}: it is built in for virtual time; name another by --method", method.name));
     if (!robot.simulation) found.insert(robot.file + ": no `simulation`, so what the robot really did is unknown");
-    const auto real = panel::real_trouble_of(perturbation, robot, planned.seed);
+    const auto real = evidence::real_trouble_of(perturbation, robot, planned.seed);
     if (!real) found.insert(real.error());
     if (real && !real->policy_faults.empty() && !policy_host.empty())
       found.insert(fmt::format("perturbation {}: takt-policy-host does that, and --policy-host names another program",
@@ -124,21 +124,22 @@ bool is_within(const std::string& action, Duration duration) {
 }
 
 // Of the rollout that lives in `folder`: everything but where its sockets are.
-std::vector<std::string> arguments_of(const panel::Panel& panel, const panel::RealTrouble& trouble, std::uint64_t seed,
+std::vector<std::string> arguments_of(const lab::Panel& panel, const evidence::RealTrouble& trouble, std::uint64_t seed,
                                       const std::string& folder) {
   const auto microseconds_text = [](Duration time) { return fmt::format("{}us", time.ns / 1000); };
-  std::vector<std::string> arguments{beside_this_program("takt"),
-                                     "run",
-                                     folder + "/robot.yaml",
-                                     "--run-dir",
-                                     folder + "/run",
-                                     "--arm",
-                                     "--to-the-end",
-                                     "--duration",
-                                     microseconds_text(panel.duration + kBeyondTheEnd),
-                                     fmt::format("--plant=--seed={}", seed),
-                                     fmt::format("--plant=--target-entry={:.3f}", panel::target_entry(seed).seconds()),
-                                     fmt::format("--plant=--truth={}/truth.jsonl", folder)};
+  std::vector<std::string> arguments{
+      beside_this_program("takt"),
+      "run",
+      folder + "/robot.yaml",
+      "--run-dir",
+      folder + "/run",
+      "--arm",
+      "--to-the-end",
+      "--duration",
+      microseconds_text(panel.duration + kBeyondTheEnd),
+      fmt::format("--plant=--seed={}", seed),
+      fmt::format("--plant=--target-entry={:.3f}", evidence::target_entry(seed).seconds()),
+      fmt::format("--plant=--truth={}/truth.jsonl", folder)};
   if (panel.rearm_after) arguments.insert(arguments.end(), {"--rearm-after", microseconds_text(*panel.rearm_after)});
   for (const std::string& action : trouble.actions)
     if (is_within(action, panel.duration + kBeyondTheEnd)) arguments.insert(arguments.end(), {"--at", action});
@@ -150,8 +151,9 @@ std::vector<std::string> arguments_of(const panel::Panel& panel, const panel::Re
 
 }  // namespace
 
-std::expected<RealRollouts, std::string> RealRollouts::make(const panel::Contest& contest, std::string out,
-                                                            panel::OutsideProcesses outside, bool allow_non_realtime) {
+std::expected<RealRollouts, std::string> RealRollouts::make(const lab::Contest& contest, std::string out,
+                                                            evidence::OutsideProcesses outside,
+                                                            bool allow_non_realtime) {
   std::set<std::string> sentences = obstacles(contest, outside.policy);
   if (!sentences.empty())
     return std::unexpected(fmt::format("{0}: {1}\nleave --real-time out, or them", contest.panel().file,
@@ -159,14 +161,14 @@ std::expected<RealRollouts, std::string> RealRollouts::make(const panel::Contest
   return RealRollouts(contest, std::move(out), std::move(outside), allow_non_realtime);
 }
 
-std::expected<void, std::string> RealRollouts::live_through(const panel::PlannedRollout& planned,
+std::expected<void, std::string> RealRollouts::live_through(const lab::PlannedRollout& planned,
                                                             const std::string& folder) const {
-  const panel::Panel& panel = contest_.panel();
+  const lab::Panel& panel = contest_.panel();
   const config::RobotConfig& robot = contest_.contestant(planned).robot;
   const auto trouble =
-      panel::real_trouble_of(panel.perturbations[planned.perturbation].resolved(), robot, planned.seed);
+      evidence::real_trouble_of(panel.perturbations[planned.perturbation].resolved(), robot, planned.seed);
   if (!trouble) return std::unexpected(trouble.error());
-  if (auto done = panel::write_robot(robot, folder); !done) return done;
+  if (auto done = evidence::write_robot(robot, folder); !done) return done;
   const RuntimeDirectory runtime;
   if (runtime.path().empty()) return std::unexpected("no temporary folder for sockets can be made; set TMPDIR");
   if (!trouble->plant_scenario.empty())
@@ -187,13 +189,13 @@ std::expected<void, std::string> RealRollouts::live_through(const panel::Planned
   return run_to_its_end(*process, std::chrono::nanoseconds(panel.duration.ns) + kOverheadWithin);
 }
 
-std::expected<panel::RanRollout, std::string> RealRollouts::run(const panel::PlannedRollout& planned) const {
-  const panel::Panel& panel = contest_.panel();
-  panel::RolloutRow row = contest_.identity(planned);
-  const std::string place = "runs/" + panel::rollout_id(row);
+std::expected<lab::RanRollout, std::string> RealRollouts::run(const lab::PlannedRollout& planned) const {
+  const lab::Panel& panel = contest_.panel();
+  evidence::RolloutRow row = contest_.identity(planned);
+  const std::string place = "runs/" + evidence::rollout_id(row);
   const std::string folder = fs::absolute(out_ + "/" + place).string();
   const auto fail = [&](const std::string& why) {
-    return std::unexpected(fmt::format("rollout {}: {}", panel::rollout_id(row), why));
+    return std::unexpected(fmt::format("rollout {}: {}", evidence::rollout_id(row), why));
   };
   std::error_code error;
   fs::remove_all(folder, error);
@@ -201,8 +203,8 @@ std::expected<panel::RanRollout, std::string> RealRollouts::run(const panel::Pla
   if (error) return fail(fmt::format("cannot make {}: {}", folder, error.message()));
   const ChildMeter meter;
   if (const auto lived = live_through(planned, folder); !lived) return fail(lived.error());
-  panel::RolloutWatch watch(contest_.contestant(planned).robot);
-  const auto measured = panel::measure_recorded(panel::recorded_rollout(panel, planned, folder), watch, row);
+  lab::RolloutWatch watch(contest_.contestant(planned).robot);
+  const auto measured = lab::measure_recorded(lab::recorded_rollout(panel, planned, folder), watch, row);
   if (!measured) return fail(measured.error());
   row.run_folder = place + "/run";
   meter.fill(panel.duration, row.host);

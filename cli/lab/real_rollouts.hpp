@@ -22,22 +22,23 @@ class RealRollouts {
  public:
   // Refuses a panel that cannot be run so, naming every perturbation and method without a mechanism. `contest` outlives
   // this. Of `outside` the policy: as `takt run` has it; empty: takt-policy-host.
-  static std::expected<RealRollouts, std::string> make(const panel::Contest& contest, std::string out,
-                                                       panel::OutsideProcesses outside, bool allow_non_realtime);
+  static std::expected<RealRollouts, std::string> make(const lab::Contest& contest, std::string out,
+                                                       evidence::OutsideProcesses outside, bool allow_non_realtime);
   // What an interrupted attempt left behind is removed first.
-  [[nodiscard]] std::expected<panel::RanRollout, std::string> run(const panel::PlannedRollout& planned) const;
+  [[nodiscard]] std::expected<lab::RanRollout, std::string> run(const lab::PlannedRollout& planned) const;
 
  private:
-  RealRollouts(const panel::Contest& contest, std::string out, panel::OutsideProcesses outside, bool allow_non_realtime)
+  RealRollouts(const lab::Contest& contest, std::string out, evidence::OutsideProcesses outside,
+               bool allow_non_realtime)
       : contest_(contest),
         out_(std::move(out)),
         outside_(std::move(outside)),
         allow_non_realtime_(allow_non_realtime) {}
-  [[nodiscard]] std::expected<void, std::string> live_through(const panel::PlannedRollout& planned,
+  [[nodiscard]] std::expected<void, std::string> live_through(const lab::PlannedRollout& planned,
                                                               const std::string& folder) const;
-  const panel::Contest& contest_;
+  const lab::Contest& contest_;
   std::string out_;
-  panel::OutsideProcesses outside_;
+  evidence::OutsideProcesses outside_;
   bool allow_non_realtime_;
 };
 

@@ -47,8 +47,8 @@ struct Sealed {
   bool passed = false;
 };
 
-panel::SignedResult result_of(bool passed) {
-  return passed ? panel::SignedResult::passed : panel::SignedResult::warned;
+lab::SignedResult result_of(bool passed) {
+  return passed ? lab::SignedResult::passed : lab::SignedResult::warned;
 }
 
 std::expected<Sealed, std::string> sealed_run(const std::string& directory, const std::string& key) {
@@ -58,17 +58,17 @@ std::expected<Sealed, std::string> sealed_run(const std::string& directory, cons
   if (!seal) return std::unexpected(seal.error());
   if (!seal->altered.empty()) return std::unexpected(seal->altered.front());
   if (!seal->closed) return std::unexpected("the run is being recorded, or its recorder was ended before it closed it");
-  const bool passed = panel::audit_run(*run).is_consistent();
-  auto envelope = panel::sign(*run, result_of(passed), key);
+  const bool passed = lab::audit_run(*run).is_consistent();
+  auto envelope = lab::sign(*run, result_of(passed), key);
   if (!envelope) return std::unexpected("--key: " + envelope.error());
   return Sealed{run->manifest.run_id, std::move(*envelope), passed};
 }
 
 std::expected<Sealed, std::string> sealed_artifact(const std::string& directory, const std::string& key) {
-  const auto artifact = panel::open_finished_artifact(directory);
+  const auto artifact = lab::open_finished_artifact(directory);
   if (!artifact) return std::unexpected(artifact.error());
-  const bool passed = panel::audit(*artifact, panel::panel_promise(artifact->folder.panel())).is_consistent();
-  auto envelope = panel::sign(*artifact, result_of(passed), key);
+  const bool passed = lab::audit(*artifact, lab::panel_promise(artifact->folder.panel())).is_consistent();
+  auto envelope = lab::sign(*artifact, result_of(passed), key);
   if (!envelope) return std::unexpected("--key: " + envelope.error());
   return Sealed{artifact->manifest.artifact_id, std::move(*envelope), passed};
 }
@@ -79,8 +79,8 @@ struct SignatureFiles {
 
 SignatureFiles files_of(const std::string& directory) {
   if (!std::filesystem::is_regular_file(directory))
-    return {directory + "/" + panel::kSignatureFile, directory + "/" + panel::kTimeStampFile};
-  const auto [envelope, stamp] = panel::registration_beside(directory);
+    return {directory + "/" + lab::kSignatureFile, directory + "/" + lab::kTimeStampFile};
+  const auto [envelope, stamp] = lab::registration_beside(directory);
   return {envelope, stamp};
 }
 
@@ -92,20 +92,20 @@ std::string name_of(const std::string& path) {
 int keep_envelope(const SignatureFiles& files, const std::string& envelope) {
   if (const auto done = monitor::replace_file(files.envelope, envelope); !done) return fail(kSealCommand, done.error());
   const auto response = monitor::read_file(files.stamp);
-  if (response && !panel::claimed_time(*response, envelope, "") && ::unlink(files.stamp.c_str()) == 0)
+  if (response && !lab::claimed_time(*response, envelope, "") && ::unlink(files.stamp.c_str()) == 0)
     fmt::print("{} stamped another signature and is removed\n", config::printable(files.stamp));
   return kExitOk;
 }
 
 // Of the panel's methods, B against A.
-std::expected<std::optional<panel::RegisteredComparison>, std::string> comparison_of(const SealOptions& options,
-                                                                                     panel::Panel panel) {
+std::expected<std::optional<lab::RegisteredComparison>, std::string> comparison_of(const SealOptions& options,
+                                                                                   lab::Panel panel) {
   if (options.compare.empty()) return std::nullopt;
-  const auto two = panel::keep_two_methods(options.compare, panel);
+  const auto two = lab::keep_two_methods(options.compare, panel);
   if (!two) return std::unexpected(fmt::format("--compare {}: {}", options.compare, two.error()));
   const auto margin = margin_of(options.margin);
   if (!margin) return std::unexpected(fmt::format("--margin {}: write a share of success, such as 2%", options.margin));
-  return panel::RegisteredComparison{(*two)[0], (*two)[1], *margin};
+  return lab::RegisteredComparison{(*two)[0], (*two)[1], *margin};
 }
 
 int register_panel(const SealOptions& options) {
@@ -115,14 +115,14 @@ int register_panel(const SealOptions& options) {
   if (!chosen) return refuse(chosen.error().exit_code, chosen.error().sentence);
   const auto comparison = comparison_of(options, chosen->panel);
   if (!comparison) return refuse(kExitUsage, fmt::format("{}: {}", kSealCommand, comparison.error()));
-  const std::size_t planned = panel::plan_of(chosen->panel, {}).size();
-  const auto contest = panel::Contest::prepare(std::move(chosen->panel), options.choice.outside());
+  const std::size_t planned = lab::plan_of(chosen->panel, {}).size();
+  const auto contest = lab::Contest::prepare(std::move(chosen->panel), options.choice.outside());
   if (!contest) return refuse(config::kExitBadConfiguration, contest.error());
-  panel::ArtifactManifest manifest = contest->manifest(planned);
+  lab::ArtifactManifest manifest = contest->manifest(planned);
   if (!options.choice.until_decided.empty()) manifest.until_decided = {chosen->rivals.begin(), chosen->rivals.end()};
   const auto now = std::chrono::system_clock::now().time_since_epoch();
   const std::int64_t unix_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(now).count();
-  const auto text = panel::registration_text(*contest, manifest, *comparison, unix_ns, *key);
+  const auto text = lab::registration_text(*contest, manifest, *comparison, unix_ns, *key);
   if (!text) return fail(kSealCommand, "--key: " + text.error());
   const SignatureFiles files = files_of(options.directory);
   if (const int code = keep_envelope(files, *text); code != kExitOk) return code;
@@ -154,7 +154,7 @@ int keep_time(const SealOptions& options) {
   const SignatureFiles files = files_of(options.directory);
   const auto envelope = monitor::read_file(files.envelope);
   if (!envelope) return fail(kSealCommand, envelope.error() + "; sign it first, by --key");
-  const auto stamp = panel::claimed_time(*response, *envelope, name_of(files.envelope));
+  const auto stamp = lab::claimed_time(*response, *envelope, name_of(files.envelope));
   if (!stamp) return fail(kSealCommand, fmt::format("--time {}: {}", options.time, stamp.error()));
   if (const auto done = monitor::replace_file(files.stamp, *response); !done) return fail(kSealCommand, done.error());
   fmt::print("{} stamped {} by {}; takt audit --time-by checks who that is\n", config::printable(files.stamp),

@@ -27,39 +27,37 @@ struct TraceReviewOptions {
 };
 
 // Empty when written.
-std::string export_perfetto(const std::string& path, const monitor::Timeline& timeline,
-                            const monitor::TraceReview& review) {
+std::string export_perfetto(const std::string& path, const lab::Timeline& timeline, const lab::TraceReview& review) {
   std::ofstream file(path, std::ios::binary);
-  monitor::write_perfetto(timeline, review.chains, review.executive_pid,
-                          [&file](std::string_view text) { file << text; });
+  lab::write_perfetto(timeline, review.chains, review.executive_pid, [&file](std::string_view text) { file << text; });
   file.close();
   return file.good() ? "" : fmt::format("{} cannot be written: {}", path, std::strerror(errno));
 }
 
-using Records = std::optional<std::vector<monitor::TickFacts>>;
+using Records = std::optional<std::vector<lab::TickFacts>>;
 
 // What the run told OpenTelemetry, where it did.
-std::expected<std::optional<monitor::OtlpCheck>, std::string> otlp_of(const std::string& run, const Records& records) {
+std::expected<std::optional<lab::OtlpCheck>, std::string> otlp_of(const std::string& run, const Records& records) {
   const std::string path = run + "/otlp_traces.jsonl";
   if (!records || !std::filesystem::exists(path)) return std::nullopt;
   std::ifstream file(path);
-  const auto told = monitor::read_told_commands(file);
+  const auto told = lab::read_told_commands(file);
   if (!told) return std::unexpected(path + ": " + told.error());
-  return monitor::check_told_commands(*told, *records);
+  return lab::check_told_commands(*told, *records);
 }
 
 int review(const TraceReviewOptions& options) {
   Records records;
   if (!options.run.empty()) {
-    auto read = monitor::records_of(options.run);
+    auto read = lab::records_of(options.run);
     if (!read) return fail("takt trace review", read.error());
     records = std::move(*read);
   }
-  monitor::Timeline timeline;
+  lab::Timeline timeline;
   const auto reading =
-      monitor::read_trace(options.directory, [&timeline](const monitor::TraceEvent& event) { timeline.add(event); });
+      lab::read_trace(options.directory, [&timeline](const lab::TraceEvent& event) { timeline.add(event); });
   if (!reading) return fail("takt trace review", reading.error());
-  const auto review = monitor::review_trace(timeline, records ? &*records : nullptr);
+  const auto review = lab::review_trace(timeline, records ? &*records : nullptr);
   if (!review) return fail("takt trace review", review.error());
   if (!options.perfetto.empty()) {
     const std::string error = export_perfetto(options.perfetto, timeline, *review);
@@ -68,9 +66,9 @@ int review(const TraceReviewOptions& options) {
   const auto otlp = otlp_of(options.run, records);
   if (!otlp) return fail("takt trace review", otlp.error());
   if (options.json)
-    fmt::print("{}\n", json_line(monitor::to_json(*review, *reading, timeline)));
+    fmt::print("{}\n", json_line(lab::to_json(*review, *reading, timeline)));
   else
-    fmt::print("{}{}", monitor::review_text(*review, *reading, timeline), *otlp ? otlp_text(**otlp) : "");
+    fmt::print("{}{}", lab::review_text(*review, *reading, timeline), *otlp ? otlp_text(**otlp) : "");
   if (*otlp && !(*otlp)->agrees())
     return fail("takt trace review",
                 fmt::format("OpenTelemetry was told otherwise than was recorded: {} commands compared, {} differences",

@@ -26,7 +26,7 @@ bool loads(const TriedPolicy& row) {
   return row.trial.refusal.empty();
 }
 
-double ratio_of(const policy_host::Agreement& agreement) {
+double ratio_of(const policy_trial::Agreement& agreement) {
   return agreement.own_us / agreement.judge_us;
 }
 
@@ -36,7 +36,7 @@ std::string error_text(double error) {
 }
 
 std::string row_of(const TriedPolicy& row, const std::string& name) {
-  const policy_host::Trial& trial = row.trial;
+  const policy_trial::Trial& trial = row.trial;
   std::string engine = trial.engine;
   if (!trial.why.empty()) engine += ": " + trial.why;
   if (!loads(row)) engine += (engine.empty() ? "none: " : " refuses: ") + trial.refusal;
@@ -109,7 +109,7 @@ std::string tried_page(Rows tried, const std::string& judge) {
       "TorchScript its actions', against the ONNX file of the same name beside it.\n"
       "Time: medians of at most {} inferences; ratio: to ONNX Runtime's in turns, of `onnxruntime` to the bare "
       "library's.\n",
-      policy_host::kTrialObservations, kMostTimedInferences);
+      policy_trial::kTrialObservations, kMostTimedInferences);
   const auto is_elsewhere = [&](const TriedPolicy& row) { return folder_of(row) != folder_of(tried.front()); };
   if (std::ranges::none_of(tried, is_elsewhere)) return text + table_of(tried, "");
   while (!tried.empty()) {

@@ -16,8 +16,8 @@ inline constexpr std::size_t kMostTimedInferences = 2000;
 
 struct TriedPolicy {
   std::filesystem::path file;  // below the folder that was searched
-  policy_host::Trial trial;
-  std::optional<policy_host::Agreement> agreement;  // nothing: not judged
+  policy_trial::Trial trial;
+  std::optional<policy_trial::Agreement> agreement;  // nothing: not judged
 };
 
 // `judge`: its version; "": there was none. Folders of the first level have a table each, if there are several.

@@ -32,12 +32,12 @@ struct PolicyTryOptions {
   std::string folder, out, library;
 };
 
-TriedPolicy try_one(const fs::path& folder, const fs::path& file, const policy_host::TrialSetup& setup) {
-  TriedPolicy tried{fs::relative(file, folder), policy_host::try_policy(file, setup), {}};
-  policy_host::Trial& trial = tried.trial;
+TriedPolicy try_one(const fs::path& folder, const fs::path& file, const policy_trial::TrialSetup& setup) {
+  TriedPolicy tried{fs::relative(file, folder), policy_trial::try_policy(file, setup), {}};
+  policy_trial::Trial& trial = tried.trial;
   if (trial.own && trial.judge) {
     try {
-      tried.agreement = policy_host::compare(*trial.own, *trial.judge, kMostTimedInferences);
+      tried.agreement = policy_trial::compare(*trial.own, *trial.judge, kMostTimedInferences);
     } catch (const std::exception& failed) {
       trial.unjudged = failed.what();
     }
@@ -95,7 +95,7 @@ int write_page(const PolicyTryOptions& options, const std::string& page, std::si
 int try_folder(const PolicyTryOptions& options) {
   if (!fs::is_directory(options.folder))
     return refuse(kExitUsage, "takt policy try: " + options.folder + ": no such folder");
-  policy_host::TrialSetup setup;
+  policy_trial::TrialSetup setup;
   std::optional<OnnxRuntime> judge;
   if (!options.library.empty()) {
     auto opened = OnnxRuntime::open(options.library);

@@ -28,7 +28,7 @@
 #include "policy_host/leapp/leapp_description.hpp"
 #include "policy_host/leapp/leapp_graph.hpp"
 #include "policy_host/metadata_comparison.hpp"
-#include "policy_host/onnx/model.hpp"
+#include "policy_host/onnx_engine/model.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 

@@ -14,7 +14,7 @@ namespace {
 
 struct PolicyReplayArguments {
   std::string directory;
-  monitor::PolicyReplayOptions options;
+  evidence::PolicyReplayOptions options;
   bool json = false;
 };
 
@@ -22,20 +22,20 @@ int replay(const PolicyReplayArguments& arguments) {
   constexpr std::string_view command = "takt policy replay";
   const auto run = monitor::open_run(arguments.directory);
   if (!run) return fail(command, run.error());
-  const auto report = monitor::replay_policy(*run, arguments.options);
+  const auto report = evidence::replay_policy(*run, arguments.options);
   if (!report) {
     const std::string& sentence = report.error().sentence;
     switch (report.error().why) {
-      case monitor::PolicyReplayRefusal::Why::no_evidence:
+      case evidence::PolicyReplayRefusal::Why::no_evidence:
         return fail(command, sentence);
-      case monitor::PolicyReplayRefusal::Why::policy:
+      case evidence::PolicyReplayRefusal::Why::policy:
         return refuse(config::kExitBadConfiguration, sentence);
     }
   }
   if (arguments.json) {
-    fmt::print("{}\n", json_line(monitor::to_json(*report)));
+    fmt::print("{}\n", json_line(evidence::to_json(*report)));
   } else {
-    fmt::print("{}", monitor::policy_replay_text(*report));
+    fmt::print("{}", evidence::policy_replay_text(*report));
   }
   if (!report->agrees()) return kExitFailed;
   return report->is_whole() ? kExitOk : kExitNotJudged;

@@ -125,7 +125,7 @@ int check(const ConfigOptions& options) {
       buses.push_back({{"bus", load.bus}, {"drives", load.drives}, {"load", load.load}, {"undivided", load.undivided}});
     const nlohmann::json json{
         {"valid", true},         {"robot", robot.robot}, {"joints", robot.joints.size()},
-        {"buses", buses},        {"cautions", cautions}, {"shown", panel::standing_of(robot).shown},
+        {"buses", buses},        {"cautions", cautions}, {"shown", evidence::standing_of(robot).shown},
         {"sha256", robot.sha256}};
     fmt::print("{}\n", json_line(json));
     return kExitOk;
@@ -137,7 +137,7 @@ int check(const ConfigOptions& options) {
                load.undivided > load.load
                    ? fmt::format("; every drive in every tick would take {:.0f} %", 100 * load.undivided)
                    : "");
-  for (const std::string& shown : panel::standing_of(robot).shown) fmt::print("shown: {}\n", shown);
+  for (const std::string& shown : evidence::standing_of(robot).shown) fmt::print("shown: {}\n", shown);
   fmt::print("contract: {}\n", contract_sentence(robot));
   for (const std::string& caution : cautions) fmt::print("note: {}\n", caution);
   return options.recompute.empty() ? kExitOk : recompute_shown(options, robot);

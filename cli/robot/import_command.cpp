@@ -29,7 +29,7 @@
 #include "policy_host/exporter_metadata.hpp"
 #include "policy_host/leapp/leapp_bundle.hpp"
 #include "policy_host/leapp/leapp_description.hpp"
-#include "policy_host/onnx/model.hpp"
+#include "policy_host/onnx_engine/model.hpp"
 #include "policy_host/policy_tensors.hpp"
 #include "simulation/model_survey.hpp"
 #include "simulation/rigid_bodies.hpp"
@@ -184,7 +184,7 @@ std::string take_out_slides(config::ModelFacts& model, const std::vector<std::st
 // With --mesh-path: a copy of the model beside the robot file that names its meshes by their whole paths.
 std::expected<void, std::string> keep_model_beside(Given& given) {
   if (given.mesh_path.empty() || given.model_file.empty()) return {};
-  const auto text = plant::model_with_whole_paths(given.model_file, given.mesh_path);
+  const auto text = simulation::model_with_whole_paths(given.model_file, given.mesh_path);
   if (!text) return std::unexpected(text.error());
   const std::string copy = fs::path(given.out).replace_extension(".model.xml").string();
   std::ofstream file(copy);
@@ -199,7 +199,7 @@ std::expected<std::optional<config::Model>, std::string> bodies_of(const std::op
                                                                    const Given& given) {
   if (!model) return std::nullopt;
   const auto names = given.joint_names.empty() ? config::motor_order(*model).joints : given.joint_names;
-  return plant::rigid_bodies(given.model_file, given.mesh_path, names);
+  return simulation::rigid_bodies(given.model_file, given.mesh_path, names);
 }
 
 // A robot file that is not there yet. Returns the exit code; what is wrong was said.
@@ -232,7 +232,7 @@ int import(Given given) {
     return refuse(config::kExitBadConfiguration, hash.error());
   std::optional<config::ModelFacts> model;
   if (!given.model_file.empty()) {
-    auto facts = plant::survey_model(given.model_file, given.mesh_path);
+    auto facts = simulation::survey_model(given.model_file, given.mesh_path);
     if (!facts) return refuse(config::kExitBadConfiguration, facts.error());
     model = std::move(*facts);
     if (const auto kept = keep_model_beside(given); !kept) return refuse(kExitFailed, kept.error());
@@ -271,7 +271,7 @@ int import(Given given) {
 }
 
 int make_new(Given given) {
-  const auto model = plant::survey_model(given.model_file, given.mesh_path);
+  const auto model = simulation::survey_model(given.model_file, given.mesh_path);
   if (!model) return refuse(config::kExitBadConfiguration, model.error());
   const std::string source = given.model_file;
   if (const auto kept = keep_model_beside(given); !kept) return refuse(kExitFailed, kept.error());

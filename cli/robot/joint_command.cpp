@@ -126,7 +126,7 @@ void keep_home(const DirectRobot& robot, std::size_t joint, drivers::HomeNote no
 }
 
 drivers::GravityTerm gravity_at(std::size_t joint, const config::RobotConfig& robot, const Drives& drives) {
-  const auto torques = std::make_shared<const config::HoldingTorques>(robot);
+  const auto torques = std::make_shared<const setup::HoldingTorques>(robot);
   return [joint, torques, &drives]() -> std::optional<double> {
     const auto q = drives.positions(monotonic_now());
     if (!q) return std::nullopt;

@@ -9,10 +9,10 @@ namespace takt::cli {
 std::string refused_by_plant(const config::RobotConfig& robot, const std::string& world) {
   if (!robot.simulation) return {};
   if (!world.empty()) {
-    const auto facts = plant::WorldProcess(world).ask(robot);
+    const auto facts = simulation::WorldProcess(world).ask(robot);
     return facts ? "" : facts.error().sentence;
   }
-  const auto plant = plant::RobotPlant::make(robot);
+  const auto plant = simulation::RobotPlant::make(robot);
   return plant ? "" : plant.error();
 }
 

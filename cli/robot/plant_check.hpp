@@ -9,7 +9,7 @@
 namespace takt::cli {
 
 // One problem per line; empty: none. `simulation` is looked at as the plant does that plays the robot itself; with a
-// `world`, as plant::WorldProcess has it, that is asked instead.
+// `world`, as simulation::WorldProcess has it, that is asked instead.
 std::string refused_by_plant(const config::RobotConfig& robot, const std::string& world);
 
 }  // namespace takt::cli

@@ -5,7 +5,7 @@
 #include "config/observation_shape.hpp"
 #include "policy_host/engines/load_policy.hpp"
 #include "policy_host/fenced_load.hpp"
-#include "policy_host/onnx/model.hpp"
+#include "policy_host/onnx_engine/model.hpp"
 #include "policy_host/policy_fit.hpp"
 
 namespace takt::cli {

@@ -11,7 +11,7 @@ std::vector<std::string> cautions_of(const config::RobotConfig& robot) {
   std::vector<std::string> lines = config::cautions_about(robot);
   if (const std::string why = robot.dds ? config::unreadable_security_file(*robot.dds) : std::string(); !why.empty())
     lines.push_back(why + "; until then nothing is told over DDS");
-  const panel::Standing standing = panel::standing_of(robot);
+  const evidence::Standing standing = evidence::standing_of(robot);
   lines.insert(lines.end(), standing.not_shown.begin(), standing.not_shown.end());
   return lines;
 }

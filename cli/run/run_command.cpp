@@ -131,10 +131,10 @@ int run(const Given& given) {
   options.events = std::move(*events);
   options.plant_scenario = plant_scenario_of(given.plant);
   // What cannot be read is refused by the plant, in the same words as ever.
-  if (const auto scenario = plant::load_scenario(options.plant_scenario, robot);
+  if (const auto scenario = simulation::load_scenario(options.plant_scenario, robot);
       !options.plant_scenario.empty() && scenario)
-    for (const plant::FaultEvent& fault : scenario->events)
-      options.plant_faults.push_back(fmt::format("{}: {}", fault.target_name, plant::text_of(fault)));
+    for (const simulation::FaultEvent& fault : scenario->events)
+      options.plant_faults.push_back(fmt::format("{}: {}", fault.target_name, simulation::text_of(fault)));
   if (!given.duration.empty()) {
     const auto duration = parse_duration(given.duration);
     if (!duration) return refuse(kExitUsage, "--duration " + duration.error());

@@ -203,10 +203,10 @@ int Supervisor::exit_code_of_the_dead() {
 
 std::string Supervisor::incident_text(const IncidentNote& incident) {
   std::string sentence = incident_sentence(incident);
-  const std::size_t hint = sentence.find(kPolicyLogHint);
+  const std::size_t hint = sentence.find(incident::kPolicyLogHint);
   const ChildProcess* const policy = processes_.find(ProcessName::policy);
   if (hint != std::string::npos && policy != nullptr && reported_dead_.contains(ProcessName::policy))
-    sentence.replace(hint, kPolicyLogHint.size(), label(ProcessName::policy) + " " + policy->how_it_ended());
+    sentence.replace(hint, incident::kPolicyLogHint.size(), label(ProcessName::policy) + " " + policy->how_it_ended());
   return sentence;
 }
 

@@ -62,7 +62,7 @@ class LiveView {
     Cause entered_by = Cause::none;
     std::uint64_t claimed_hash = 0, policy_hash = 0;
     std::uint64_t lost_ticks = 0;
-    IncidentWatch incidents;
+    incident::IncidentWatch incidents;
     OperatorReply reply;
     bool has_status = false;
   };

@@ -18,7 +18,7 @@
 #include "monitor/record/bounded_file.hpp"
 #include "monitor/record/strict_json.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -288,4 +288,4 @@ Standing standing_of(const config::RobotConfig& robot) {
   return standing;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -20,7 +20,7 @@
 
 #include "config/robot_config.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 inline constexpr std::string_view kStops = "stops.";  // what is attested begins with it, unless it is a fallback
 inline constexpr const char* kAttestationSchema = "takt.attestation/1";
@@ -84,4 +84,4 @@ struct Standing {
 };
 Standing standing_of(const config::RobotConfig& robot);
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -25,7 +25,7 @@
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 namespace {
 
 using Why = PolicyReplayRefusal::Why;
@@ -41,7 +41,7 @@ std::uint32_t content_of(const CommandHeader& header, std::span<const std::byte>
   return ipc::crc32c(values, ipc::crc32c(std::as_bytes(std::span(shape))));
 }
 
-std::string place_in(const PolicyInput& input, std::size_t at) {
+std::string place_in(const monitor::PolicyInput& input, std::size_t at) {
   const std::size_t samples_at = sizeof(PolicyInputHeader);
   std::size_t from = samples_at + input.samples.size() * sizeof(PolicyInputSample);
   if (at < samples_at) return "its header";
@@ -58,15 +58,15 @@ std::string place_in(const PolicyInput& input, std::size_t at) {
 }
 
 // When one flipped bit explains a checksum that does not match: puts it right and names its place.
-std::optional<std::string> mend(RecordedPolicyInput& recorded) {
+std::optional<std::string> mend(monitor::RecordedPolicyInput& recorded) {
   constexpr std::size_t kSearchedBytes = 4096;  // the search is quadratic in the size
-  Bytes payload = packed(recorded.input);
+  monitor::Bytes payload = monitor::packed(recorded.input);
   if (payload.size() > kSearchedBytes) return std::nullopt;
   for (std::size_t bit = 0; bit < 8 * payload.size(); ++bit) {
     const std::byte mask{static_cast<unsigned char>(1U << (bit % 8))};
     payload[bit / 8] ^= mask;
     if (ipc::crc32c(payload) == recorded.crc) {
-      auto mended = read_policy_input(payload);
+      auto mended = monitor::read_policy_input(payload);
       if (!mended) return std::nullopt;
       std::string place = place_in(recorded.input, bit / 8);
       recorded.input = std::move(*mended);
@@ -80,8 +80,8 @@ std::optional<std::string> mend(RecordedPolicyInput& recorded) {
 // The run's images, by what inputs say of them.
 class RunImages {
  public:
-  explicit RunImages(RunFolder folder) : folder_(std::move(folder)) {}
-  void add(const ShownImage& image) {
+  explicit RunImages(monitor::RunFolder folder) : folder_(std::move(folder)) {}
+  void add(const monitor::ShownImage& image) {
     images_[{image.sensor, image.sequence, image.published_at.ns, image.sensed_at.ns}] = image;
   }
   // Its bytes, or why they are not there. The newest of each sensor stays in memory: several answers rest on it.
@@ -89,12 +89,12 @@ class RunImages {
     const auto found = images_.find({sample.sensor, sample.sequence, sample.published_at.ns, sample.sensed_at.ns});
     if (found == images_.end() || found->second.sha256.empty())
       return std::unexpected("the recorder never had its image " + std::to_string(sample.sequence));
-    const ShownImage& image = found->second;
+    const monitor::ShownImage& image = found->second;
     auto& [sha256, bytes] = newest_[sample.sensor];
     if (sha256 == image.sha256) return bytes;
-    if (image.file != ImageFile::stored)
+    if (image.file != monitor::ImageFile::stored)
       return std::unexpected(fmt::format("image {} went without a file: {}", image.sha256, name(image.file)));
-    auto read = read_image(folder_, image.shape, image.sha256);
+    auto read = monitor::read_image(folder_, image.shape, image.sha256);
     if (read) {
       sha256 = image.sha256;
       bytes = *read;
@@ -103,8 +103,8 @@ class RunImages {
   }
 
  private:
-  RunFolder folder_;
-  std::map<std::tuple<std::uint32_t, std::uint64_t, std::int64_t, std::int64_t>, ShownImage> images_;
+  monitor::RunFolder folder_;
+  std::map<std::tuple<std::uint32_t, std::uint64_t, std::int64_t, std::int64_t>, monitor::ShownImage> images_;
   std::map<std::uint32_t, std::pair<std::string, std::vector<std::uint8_t>>> newest_;
 };
 
@@ -115,10 +115,10 @@ class Replayer {
                                                                             const PolicyReplayOptions& options,
                                                                             RunImages& images);
   // Why it cannot be replayed; empty: it was.
-  std::string answer(RecordedPolicyInput recorded);
-  void command(const RecordedCommand& recorded);
-  void lost(const Loss& loss) {
-    (loss.reason == kStoodBy          ? stood_by_
+  std::string answer(monitor::RecordedPolicyInput recorded);
+  void command(const monitor::RecordedCommand& recorded);
+  void lost(const monitor::Loss& loss) {
+    (loss.reason == monitor::kStoodBy ? stood_by_
      : loss.reason == "before_attach" ? result_.before
                                       : result_.lost) += loss.count;
   }
@@ -136,13 +136,13 @@ class Replayer {
         joints_(robot_.joints.size()) {
     for (const policy_host::ImagePlace& place : observation_.image_places()) values_of_images_ += place.width;
   }
-  [[nodiscard]] std::string unfit(const PolicyInput& input) const;
-  bool put_images(PolicyInput& input);
-  bool follow(const PolicyInput& input);
-  void judge(const PolicyInput& input);
-  void measure(const PolicyInput& input);
-  void expect_command(const PolicyInput& input);
-  void fill(CommandChunk& chunk, const PolicyInput& input, std::span<const float> outputs) const;
+  [[nodiscard]] std::string unfit(const monitor::PolicyInput& input) const;
+  bool put_images(monitor::PolicyInput& input);
+  bool follow(const monitor::PolicyInput& input);
+  void judge(const monitor::PolicyInput& input);
+  void measure(const monitor::PolicyInput& input);
+  void expect_command(const monitor::PolicyInput& input);
+  void fill(CommandChunk& chunk, const monitor::PolicyInput& input, std::span<const float> outputs) const;
   void settle(std::uint32_t answered, std::uint32_t read);
 
   struct Sum {
@@ -197,7 +197,7 @@ std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> Replayer::make(con
   return made;
 }
 
-std::string Replayer::unfit(const PolicyInput& input) const {
+std::string Replayer::unfit(const monitor::PolicyInput& input) const {
   const std::size_t places = observation_.image_places().size();
   if (!is_other_ && input.header.built_in == 0)
     return "its answers come from a plugin engine, which cannot be run here; compare an ONNX file by "
@@ -216,7 +216,7 @@ std::string Replayer::unfit(const PolicyInput& input) const {
 }
 
 // The input as the network was shown it. False: an image of it is not to be had.
-bool Replayer::put_images(PolicyInput& input) {
+bool Replayer::put_images(monitor::PolicyInput& input) {
   const auto& places = observation_.image_places();
   std::vector<float> whole;
   auto rest = input.input.begin();
@@ -245,7 +245,7 @@ bool Replayer::put_images(PolicyInput& input) {
 }
 
 // The network's state before this inference is as it was then.
-bool Replayer::follow(const PolicyInput& input) {
+bool Replayer::follow(const monitor::PolicyInput& input) {
   const PolicyInputHeader& header = input.header;
   const bool goes_on = last_inference_ != 0 && header.inference == last_inference_ + 1;
   if (last_inference_ != 0 && header.inference > last_inference_ + 1)
@@ -256,9 +256,9 @@ bool Replayer::follow(const PolicyInput& input) {
   return state_known_;
 }
 
-std::string Replayer::answer(RecordedPolicyInput recorded) {
+std::string Replayer::answer(monitor::RecordedPolicyInput recorded) {
   ++result_.answers;
-  bool is_sound = crc_of(recorded.input) == recorded.crc;
+  bool is_sound = monitor::crc_of(recorded.input) == recorded.crc;
   if (!is_sound) {
     const auto place = mend(recorded);
     if (++result_.altered == 1)
@@ -279,14 +279,14 @@ std::string Replayer::answer(RecordedPolicyInput recorded) {
   return {};
 }
 
-void Replayer::judge(const PolicyInput& input) {
+void Replayer::judge(const monitor::PolicyInput& input) {
   result_.is_of_the_run = input.header.policy_hash == result_.hash && input.header.built_in != 0;
   policy_->infer(input.input, output_);
   if (std::memcmp(output_.data(), input.output.data(), 4 * output_.size()) == 0) ++result_.identical;
   measure(input);
 }
 
-void Replayer::fill(CommandChunk& chunk, const PolicyInput& input, std::span<const float> outputs) const {
+void Replayer::fill(CommandChunk& chunk, const monitor::PolicyInput& input, std::span<const float> outputs) const {
   Observation answered;
   answered.id = input.header.observation_id;
   std::ranges::copy(input.q(), answered.q.at.begin());
@@ -294,7 +294,7 @@ void Replayer::fill(CommandChunk& chunk, const PolicyInput& input, std::span<con
   chunk.header.policy_hash = input.header.policy_hash;
 }
 
-void Replayer::measure(const PolicyInput& input) {
+void Replayer::measure(const monitor::PolicyInput& input) {
   fill(*recorded_, input, input.output);
   fill(*recomputed_, input, output_);
   const CommandField field = config::target_of(robot_.policy->action.kind).field;
@@ -325,7 +325,7 @@ void Replayer::settle(std::uint32_t answered, std::uint32_t read) {
   if (answered == read) ++result_.as_answered;
 }
 
-void Replayer::expect_command(const PolicyInput& input) {
+void Replayer::expect_command(const monitor::PolicyInput& input) {
   fill(*recorded_, input, input.output);
   const auto values = std::as_bytes(std::span(recorded_->values).first(recorded_->value_count()));
   const std::uint32_t content = content_of(recorded_->header, values);
@@ -338,8 +338,8 @@ void Replayer::expect_command(const PolicyInput& input) {
   }
 }
 
-void Replayer::command(const RecordedCommand& recorded) {
-  const auto header = header_of(recorded);
+void Replayer::command(const monitor::RecordedCommand& recorded) {
+  const auto header = monitor::header_of(recorded);
   if (!header || recorded.cut_from != 0 || result_.is_mixed) return;
   const std::uint32_t content = content_of(*header, std::span(recorded.payload).subspan(sizeof(CommandHeader)));
   const Key key{header->observation_id, header->sequence};
@@ -366,7 +366,7 @@ PolicyReplay Replayer::finish() {
 }
 
 // config.yaml names files as the robot's file did, relative to a place that only the manifest's policy file tells.
-config::RobotConfig with_files_of_the_run(const RecordedRun& run) {
+config::RobotConfig with_files_of_the_run(const monitor::RecordedRun& run) {
   config::RobotConfig robot = run.robot;
   const std::string& was = run.manifest.policy_file;
   const std::string here = (std::filesystem::absolute(run.folder.path()) / "").lexically_normal().string();
@@ -382,8 +382,8 @@ config::RobotConfig with_files_of_the_run(const RecordedRun& run) {
 }
 
 // Whose mailbox a command came from: who is in charge changes on a live robot, the policy's file does not.
-Player seat_of(const RecordedCommand& command, const RecordedRun& run) {
-  const auto header = header_of(command);
+Player seat_of(const monitor::RecordedCommand& command, const monitor::RecordedRun& run) {
+  const auto header = monitor::header_of(command);
   if (command.sender == Player::fallback || !header || run.manifest.policy_sha256.empty()) return command.sender;
   return fmt::format("{:016x}", header->policy_hash) == run.manifest.policy_sha256.substr(0, 16) ? Player::policy
                                                                                                  : Player::candidate;
@@ -400,23 +400,24 @@ struct Evidence {
   RunImages images;
 };
 
-Evidence evidence_in(const RecordedRun& run) {
+Evidence evidence_in(const monitor::RecordedRun& run) {
   Evidence evidence{{}, {}, RunImages(run.folder)};
-  (void)scan_run(run, {.tick = {},
-                       .command = {},
-                       .keyframe = {},
-                       .loss = {},
-                       .policy_input =
-                           [&](const RecordedPolicyInput& input) {
-                             evidence.of.insert(input.sender);
-                             if (input.input.header.by_client != 0) evidence.of_clients.insert(input.sender);
-                           },
-                       .image = [&](const ShownImage& image) { evidence.images.add(image); }});
+  (void)monitor::scan_run(run, {.tick = {},
+                                .command = {},
+                                .keyframe = {},
+                                .loss = {},
+                                .policy_input =
+                                    [&](const monitor::RecordedPolicyInput& input) {
+                                      evidence.of.insert(input.sender);
+                                      if (input.input.header.by_client != 0) evidence.of_clients.insert(input.sender);
+                                    },
+                                .image = [&](const monitor::ShownImage& image) { evidence.images.add(image); }});
   return evidence;
 }
 
 // Nothing: this policy said nothing of its inputs.
-std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> replayer_of(const RecordedRun& run, Player sender,
+std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> replayer_of(const monitor::RecordedRun& run,
+                                                                          Player sender,
                                                                           const PolicyReplayOptions& options,
                                                                           Evidence& evidence) {
   if (!evidence.of.contains(sender)) return nullptr;
@@ -448,7 +449,7 @@ bool PolicyReplayReport::is_whole() const {
          });
 }
 
-std::expected<PolicyReplayReport, PolicyReplayRefusal> replay_policy(const RecordedRun& run,
+std::expected<PolicyReplayReport, PolicyReplayRefusal> replay_policy(const monitor::RecordedRun& run,
                                                                      const PolicyReplayOptions& options) {
   if (!run.robot.policy) return refused(Why::no_evidence, run.folder.config() + ": the robot has no policy");
   Evidence evidence = evidence_in(run);
@@ -472,33 +473,35 @@ std::expected<PolicyReplayReport, PolicyReplayRefusal> replay_policy(const Recor
   };
   PolicyReplayReport report;
   std::uint64_t ticks = 0;
-  const auto scan = scan_run(run, {.tick = [&](const RecordedTick&) { ++ticks; },
-                                   .command =
-                                       [&](const RecordedCommand& command) {
-                                         const Player seat = seat_of(command, run);
-                                         if (Replayer* const replayer = of(seat)) return replayer->command(command);
-                                         if (seat == Player::fallback && options.with.empty())
-                                           ++report.fallback_unanswered;
-                                       },
-                                   .keyframe = {},
-                                   .loss =
-                                       [&](const Loss& loss) {
-                                         for (const auto& replayer : replayers)
-                                           if (loss.ring == input_ring_of(replayer->sender())) replayer->lost(loss);
-                                       },
-                                   .policy_input =
-                                       [&](const RecordedPolicyInput& input) {
-                                         if (Replayer* const replayer = of(input.sender))
-                                           reason = replayer->answer(input);
-                                       }});
+  const auto scan = monitor::scan_run(run, {.tick = [&](const monitor::RecordedTick&) { ++ticks; },
+                                            .command =
+                                                [&](const monitor::RecordedCommand& command) {
+                                                  const Player seat = seat_of(command, run);
+                                                  if (Replayer* const replayer = of(seat))
+                                                    return replayer->command(command);
+                                                  if (seat == Player::fallback && options.with.empty())
+                                                    ++report.fallback_unanswered;
+                                                },
+                                            .keyframe = {},
+                                            .loss =
+                                                [&](const monitor::Loss& loss) {
+                                                  for (const auto& replayer : replayers)
+                                                    if (loss.ring == input_ring_of(replayer->sender()))
+                                                      replayer->lost(loss);
+                                                },
+                                            .policy_input =
+                                                [&](const monitor::RecordedPolicyInput& input) {
+                                                  if (Replayer* const replayer = of(input.sender))
+                                                    reason = replayer->answer(input);
+                                                }});
   if (!scan) return refused(Why::no_evidence, scan.error());
   if (!reason.empty()) return refused(Why::policy, reason);
   report.tolerance = options.tolerance;
-  report.missing_ticks = missing_ticks(run.manifest, ticks);
+  report.missing_ticks = monitor::missing_ticks(run.manifest, ticks);
   report.unrecorded_ticks = run.manifest.unrecorded_ticks;
   report.file = scan->file;
   for (const auto& replayer : replayers) report.policies.push_back(replayer->finish());
   return report;
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -21,7 +21,7 @@
 #include "executive/contract/tick_record.hpp"
 #include "monitor/record/recorded_run.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 
 struct PolicyReplayOptions {
   std::string with;         // another ONNX file for the policy; empty: the run's own, and its fallback policy's
@@ -73,7 +73,7 @@ struct PolicyReplayReport {
   std::uint64_t unrecorded_ticks = 0;  // as ReplayReport's
   std::uint64_t missing_ticks = 0;  // recorded, says the manifest, and not in the file: answers are missing with them
   std::uint64_t fallback_unanswered = 0;  // commands of a fallback policy of which no answer at all is recorded
-  McapReport file;
+  monitor::McapReport file;
   // Of the run's own file: every judged answer has the same bits. Of another: none is beyond the tolerance.
   [[nodiscard]] bool agrees() const;
   // Nothing was left unjudged.
@@ -86,10 +86,10 @@ struct PolicyReplayRefusal {
   std::string sentence;
 };
 
-std::expected<PolicyReplayReport, PolicyReplayRefusal> replay_policy(const RecordedRun& run,
+std::expected<PolicyReplayReport, PolicyReplayRefusal> replay_policy(const monitor::RecordedRun& run,
                                                                      const PolicyReplayOptions& options);
 
 std::string policy_replay_text(const PolicyReplayReport& report);
 nlohmann::ordered_json to_json(const PolicyReplayReport& report);
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

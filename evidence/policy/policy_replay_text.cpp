@@ -3,7 +3,7 @@
 
 #include "evidence/policy/policy_replay.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 namespace {
 
 std::string joints_text(const PolicyReplay& policy, double tolerance) {
@@ -121,4 +121,4 @@ nlohmann::ordered_json to_json(const PolicyReplayReport& report) {
   return json;
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

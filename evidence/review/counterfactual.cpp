@@ -19,7 +19,7 @@
 #include "executive/pipeline/mode_machine.hpp"
 #include "executive/setup/tick_config_of.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 namespace {
 
 // How a key's values are counted: in nanoseconds, millionths, ones.
@@ -102,16 +102,16 @@ std::int64_t step_of(std::int64_t value) {
 }
 
 struct RecordedMoment {
-  Bytes record;  // its used part
-  std::vector<RecordedCommand> commands;
+  monitor::Bytes record;  // its used part
+  std::vector<monitor::RecordedCommand> commands;
 };
 
 // What was recorded around one incident.
 class Slice {
  public:
-  explicit Slice(Incident& about) : incident(&about) {}
+  explicit Slice(incident::Incident& about) : incident(&about) {}
 
-  void command(const RecordedCommand& command) { pending_.push_back(command); }
+  void command(const monitor::RecordedCommand& command) { pending_.push_back(command); }
   void tick(const TickRecord& record) {
     const TickRecordHeader& header = record.header;
     const bool follows = header.tick == last_ + 1;
@@ -129,11 +129,11 @@ class Slice {
     if (header.mode == Mode::arming && header.previous_mode != Mode::arming) armed_at = header.tick;
     if (moments.size() == kMostTicks) return give_up(header.tick);
     const auto bytes = std::as_bytes(std::span(&record, 1)).first(record.used_bytes());
-    std::erase_if(pending_, [&](const RecordedCommand& command) { return command.tick != header.tick; });
+    std::erase_if(pending_, [&](const monitor::RecordedCommand& command) { return command.tick != header.tick; });
     moments.push_back({{bytes.begin(), bytes.end()}, std::exchange(pending_, {})});
     behind = header.now - incident->at;
   }
-  void keyframe(const RecordedKeyframe& keyframe, Duration period) {
+  void keyframe(const monitor::RecordedKeyframe& keyframe, Duration period) {
     const auto before = static_cast<std::uint64_t>(kReplayedBefore.ns / period.ns);
     const bool is_early = keyframe.tick + before <= incident->tick;
     if (!is_early && (is_whole_ || keyframe.tick >= incident->tick)) return;
@@ -144,8 +144,8 @@ class Slice {
   // It leads up to the incident without a gap.
   [[nodiscard]] bool is_whole() const { return is_whole_ && behind >= Duration{0} && !moments.empty(); }
 
-  Incident* incident;
-  Bytes state;  // a keyframe; empty: the recording's first tick is tick 1
+  incident::Incident* incident;
+  monitor::Bytes state;  // a keyframe; empty: the recording's first tick is tick 1
   std::vector<RecordedMoment> moments;
   std::uint64_t armed_at = 0;  // tick of the newest arming in it; 0: before it
   Duration behind{-1};         // recorded behind the incident, as far as it can be judged
@@ -156,7 +156,7 @@ class Slice {
     is_whole_ = is_over_;
     if (!is_whole_) moments.clear();
   }
-  std::vector<RecordedCommand> pending_;  // of one tick
+  std::vector<monitor::RecordedCommand> pending_;  // of one tick
   std::uint64_t last_ = 0;
   bool is_whole_ = false, is_over_ = false;
 };
@@ -169,7 +169,7 @@ struct Outcome {
 
 class Laboratory {
  public:
-  Laboratory(const RecordedRun& run, const Slice& slice)
+  Laboratory(const monitor::RecordedRun& run, const Slice& slice)
       : slice_(slice), cause_(slice.incident->cause), recorded_(recorded_config(run)) {}
 
   // The recorded configuration's decisions come out bit for bit, the incident among them.
@@ -185,7 +185,7 @@ class Laboratory {
   Outcome with(const config::RobotConfig& robot) {
     Outcome outcome;
     const pipeline::TickConfig config =
-        config::tick_config_of(robot, recorded_.policy.hash, recorded_.fallback_policy.hash);
+        setup::tick_config_of(robot, recorded_.policy.hash, recorded_.fallback_policy.hash);
     decide(config, [&](const TickRecord& was, const TickRecord& is) {
       if (is.header.tick < slice_.armed_at) return true;
       if (!outcome.kept && fires(is.header)) return false;
@@ -239,7 +239,7 @@ class Laboratory {
     pipeline::remember_more(*state, config);
     for (const RecordedMoment& moment : slice_.moments) {
       std::memcpy(static_cast<void*>(was_.get()), moment.record.data(), moment.record.size());
-      for (const RecordedCommand& command : moment.commands) input_.command(command);
+      for (const monitor::RecordedCommand& command : moment.commands) input_.command(command);
       const pipeline::TickInput* input = input_.of(*was_);
       if (input == nullptr) return false;
       pipeline::control_tick(*state, *input, config, *output_);
@@ -262,7 +262,7 @@ class Laboratory {
 // takes and that keeps the rule from firing; by bisection. Empty: none does.
 class Search {
  public:
-  Search(const RecordedRun& run, const Rule& rule, Laboratory& laboratory)
+  Search(const monitor::RecordedRun& run, const Rule& rule, Laboratory& laboratory)
       : run_(run),
         rule_(rule),
         laboratory_(laboratory),
@@ -304,7 +304,7 @@ class Search {
     const auto robot = tried(multiple);
     return robot ? laboratory_.with(*robot) : Outcome{};
   }
-  const RecordedRun& run_;
+  const monitor::RecordedRun& run_;
   const Rule& rule_;
   Laboratory& laboratory_;
   std::int64_t configured_, step_;
@@ -314,9 +314,9 @@ std::string joined(const std::vector<std::string>& parts, std::string_view betwe
   return fmt::format("{}", fmt::join(parts, between));
 }
 
-std::string answer(const RecordedRun& run, const Slice& slice) {
-  const Incident& incident = *slice.incident;
-  if (!slice.is_whole() || slice.behind < kSignLasts) return {};
+std::string answer(const monitor::RecordedRun& run, const Slice& slice) {
+  const incident::Incident& incident = *slice.incident;
+  if (!slice.is_whole() || slice.behind < incident::kSignLasts) return {};
   Laboratory laboratory(run, slice);
   if (!laboratory.reproduces()) return {};
   std::vector<std::string> keys, found;
@@ -338,29 +338,29 @@ std::string answer(const RecordedRun& run, const Slice& slice) {
 
 }  // namespace
 
-void add_counterfactuals(std::vector<Incident>& incidents, const RecordedRun& run) {
+void add_counterfactuals(std::vector<incident::Incident>& incidents, const monitor::RecordedRun& run) {
   std::vector<Slice> slices;
   for (const bool fault : {true, false})
-    for (Incident& incident : incidents)
+    for (incident::Incident& incident : incidents)
       if (has_rule(incident.cause) && (incident.to == Mode::fault_latched) == fault && slices.size() < kMostAnswered)
         slices.emplace_back(incident);
   if (slices.empty()) return;
   const Duration period = run.robot.control.period;
-  const auto scanned = scan_run(run, {.tick =
-                                          [&](const RecordedTick& tick) {
-                                            for (Slice& slice : slices) slice.tick(tick.record);
-                                          },
-                                      .command =
-                                          [&](const RecordedCommand& command) {
-                                            for (Slice& slice : slices) slice.command(command);
-                                          },
-                                      .keyframe =
-                                          [&](const RecordedKeyframe& keyframe) {
-                                            for (Slice& slice : slices) slice.keyframe(keyframe, period);
-                                          },
-                                      .loss = {}});
+  const auto scanned = monitor::scan_run(run, {.tick =
+                                                   [&](const monitor::RecordedTick& tick) {
+                                                     for (Slice& slice : slices) slice.tick(tick.record);
+                                                   },
+                                               .command =
+                                                   [&](const monitor::RecordedCommand& command) {
+                                                     for (Slice& slice : slices) slice.command(command);
+                                                   },
+                                               .keyframe =
+                                                   [&](const monitor::RecordedKeyframe& keyframe) {
+                                                     for (Slice& slice : slices) slice.keyframe(keyframe, period);
+                                                   },
+                                               .loss = {}});
   if (!scanned) return;
   for (const Slice& slice : slices) slice.incident->counterfactual = answer(run, slice);
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -17,7 +17,7 @@
 #include "executive/incident/incident.hpp"
 #include "monitor/record/recorded_run.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 
 inline constexpr Duration kReplayedBefore = seconds(5);  // at least, unless the recording begins later
 inline constexpr Duration kReplayedBehind = seconds(10);
@@ -26,6 +26,6 @@ inline constexpr std::size_t kMostAnswered = 5;       // incidents, faults first
 inline constexpr std::int64_t kLargestMultiple = 10;  // of the configured value that is tried
 
 // Fills in `counterfactual` where there is something to say.
-void add_counterfactuals(std::vector<Incident>& incidents, const RecordedRun& run);
+void add_counterfactuals(std::vector<incident::Incident>& incidents, const monitor::RecordedRun& run);
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -7,12 +7,12 @@
 #include "executive/pipeline/arrival.hpp"
 #include "executive/setup/tick_config_of.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 namespace {
 
 // The policies the executive admitted, as it wrote them down itself; a run without that word admitted the configured
 // one.
-std::uint64_t admitted(const RunManifest& manifest, const char* key) {
+std::uint64_t admitted(const monitor::RunManifest& manifest, const char* key) {
   std::string text = manifest.policy_sha256.substr(0, 16);
   if (manifest.executive.is_object() && manifest.executive.contains(key)) {
     text = manifest.executive.at(key).get<std::string>();
@@ -22,9 +22,9 @@ std::uint64_t admitted(const RunManifest& manifest, const char* key) {
 
 }  // namespace
 
-pipeline::TickConfig recorded_config(const RecordedRun& run) {
-  return config::tick_config_of(run.robot, admitted(run.manifest, "policy_hash"),
-                                admitted(run.manifest, "fallback_policy_hash"));
+pipeline::TickConfig recorded_config(const monitor::RecordedRun& run) {
+  return setup::tick_config_of(run.robot, admitted(run.manifest, "policy_hash"),
+                               admitted(run.manifest, "fallback_policy_hash"));
 }
 
 std::optional<pipeline::PolicyMessage> RecordedInput::Mailbox::take(std::uint64_t tick, Arrival mailbox,
@@ -66,4 +66,4 @@ const pipeline::TickInput* RecordedInput::of(const TickRecord& record) {
   return input_.get();
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -9,16 +9,16 @@
 #include "executive/pipeline/control_tick.hpp"
 #include "monitor/record/recorded_run.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 
 // The configuration that the recorded executive decided by, its admitted policy included.
-pipeline::TickConfig recorded_config(const RecordedRun& run);
+pipeline::TickConfig recorded_config(const monitor::RecordedRun& run);
 
 // Thread rule: one thread.
 class RecordedInput {
  public:
   // Call before of() of the tick that read it.
-  void command(RecordedCommand command) {
+  void command(monitor::RecordedCommand command) {
     mailboxes_[seat_of(command.sender).value_or(Seat::policy)].pending = std::move(command);
   }
   // Valid until the next call; null: the tick read a message that is not in the recording, or was told of one that it
@@ -30,7 +30,7 @@ class RecordedInput {
  private:
   struct Mailbox {
     std::unique_ptr<CommandChunk> chunk = std::make_unique<CommandChunk>();
-    std::optional<RecordedCommand> pending{};
+    std::optional<monitor::RecordedCommand> pending{};
     // What that tick read; nothing: the recording and the record disagree. `verdict`: the record's, on the message.
     std::optional<pipeline::PolicyMessage> take(std::uint64_t tick, Arrival mailbox, std::uint8_t session,
                                                 Arrival verdict);
@@ -41,4 +41,4 @@ class RecordedInput {
   bool is_by_header_ = false;
 };
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

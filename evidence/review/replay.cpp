@@ -10,14 +10,15 @@
 
 #include "config/printable.hpp"
 #include "evidence/review/recorded_input.hpp"
+#include "evidence/review/tick_difference.hpp"
 #include "executive/contract/version.hpp"
 #include "executive/ipc/executive_segments.hpp"
 #include "executive/pipeline/control_tick.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 namespace {
 
-std::string where_of(const FieldPlace& place, const RunManifest& manifest) {
+std::string where_of(const FieldPlace& place, const monitor::RunManifest& manifest) {
   switch (place.group) {
     case FieldPlace::Group::header:
       return {};
@@ -41,7 +42,7 @@ std::string made_by_other_sources(const nlohmann::ordered_json& executive) {
 
 class Replayer {
  public:
-  Replayer(const RecordedRun& run, std::uint64_t from, std::uint64_t start_behind)
+  Replayer(const monitor::RecordedRun& run, std::uint64_t from, std::uint64_t start_behind)
       : run_(run),
         config_(recorded_config(run)),
         state_(pipeline::make_tick_state(config_)),
@@ -51,16 +52,17 @@ class Replayer {
         ready_(start_behind == 0) {}
 
   // What the run's ticks lack is no part of the comparison; empty: they can be replayed, else half a sentence.
-  std::string adapt(const OtherTickLayout& layout) {
+  std::string adapt(const monitor::OtherTickLayout& layout) {
     is_of_other_build_ = true;
     if (!layout.unknown.empty()) return fmt::format("hold `{}`, which this version does not know", layout.unknown[0]);
     for (const std::string& name : layout.lacking) {
-      const auto is_named = [&](const TickField& field) { return field.name == name; };
-      for (const auto& [fields, of_joints] :
-           {std::pair{header_fields(), false}, {bus_fields(), false}, {joint_fields(), true}}) {
+      const auto is_named = [&](const monitor::TickField& field) { return field.name == name; };
+      for (const auto& [fields, of_joints] : {std::pair{monitor::header_fields(), false},
+                                              {monitor::bus_fields(), false},
+                                              {monitor::joint_fields(), true}}) {
         const auto field = std::ranges::find_if(fields, is_named);
         if (field == fields.end()) continue;
-        if (field->role == FieldRole::input) return fmt::format("lack `{}`, which decides", name);
+        if (field->role == monitor::FieldRole::input) return fmt::format("lack `{}`, which decides", name);
         (of_joints ? lacking_of_joints_ : lacking_).push_back(*field);
         report_.not_compared.push_back(name);
       }
@@ -68,24 +70,24 @@ class Replayer {
     return {};
   }
 
-  void command(const RecordedCommand& command) {
+  void command(const monitor::RecordedCommand& command) {
     if (command.tick <= start_behind_) return;
-    if (crc_of(command) == command.crc) return input_.command(command);
-    RecordedCommand mended = command;
-    const auto field = mend_flipped_bit(mended);
+    if (monitor::crc_of(command) == command.crc) return input_.command(command);
+    monitor::RecordedCommand mended = command;
+    const auto field = monitor::mend_flipped_bit(mended);
     note({command.tick, field ? "command " + *field : "command (more than one bit altered)", {}, {}, {}, true});
     altered_tick_ = command.tick;
     if (field) input_.command(mended);
   }
 
-  void tick(const RecordedTick& recorded) {
+  void tick(const monitor::RecordedTick& recorded) {
     ++read_;
     const std::uint64_t number = recorded.record.header.tick;
     report_.last_tick = number;
     if (number <= start_behind_) return;
     if (number >= from_) ++report_.ticks;
-    RecordedTick tick = recorded;
-    const bool whole = crc_of(recorded.record) == recorded.crc || mend(tick);
+    monitor::RecordedTick tick = recorded;
+    const bool whole = monitor::crc_of(recorded.record) == recorded.crc || mend(tick);
     if (tick.record.header.tick != at_ + 1) lose_track();
     const pipeline::TickInput* input = input_.of(tick.record);
     if (input == nullptr) lose_track();
@@ -111,7 +113,7 @@ class Replayer {
     }
   }
 
-  std::expected<void, std::string> keyframe(const RecordedKeyframe& keyframe) {
+  std::expected<void, std::string> keyframe(const monitor::RecordedKeyframe& keyframe) {
     if (keyframe.tick < start_behind_) return {};
     if (ready_ && is_of_other_build_ && !pipeline::is_of_this_layout(keyframe.state)) return {};
     if (ready_ && keyframe.tick == at_ && is_state(keyframe)) return {};
@@ -122,7 +124,7 @@ class Replayer {
   }
 
   [[nodiscard]] ReplayReport take_report() {
-    report_.missing = missing_ticks(run_.manifest, read_);
+    report_.missing = monitor::missing_ticks(run_.manifest, read_);
     report_.unrecorded = run_.manifest.unrecorded_ticks;
     report_.stopped_because = run_.manifest.stopped_because;
     return std::move(report_);
@@ -130,7 +132,7 @@ class Replayer {
 
  private:
   // Puts a single flipped bit right, so that the ticks behind it can still be judged.
-  bool mend(RecordedTick& tick) {
+  bool mend(monitor::RecordedTick& tick) {
     TickRecord mended;
     const auto place = locate_flipped_bit(tick, mended);
     if (!place) return false;
@@ -143,13 +145,13 @@ class Replayer {
 
   // Of the recomputed tick: what the recorded one does not have.
   void leave_out(const TickRecord& recorded) {
-    const auto copy = [](const TickField& field, const auto& from, auto& to) {
-      const auto bytes = std::as_bytes(std::span(&from, 1)).subspan(field.offset, size_of(field.type));
+    const auto copy = [](const monitor::TickField& field, const auto& from, auto& to) {
+      const auto bytes = std::as_bytes(std::span(&from, 1)).subspan(field.offset, monitor::size_of(field.type));
       std::ranges::copy(bytes,
                         std::as_writable_bytes(std::span(&to, 1)).begin() + static_cast<std::ptrdiff_t>(field.offset));
     };
-    for (const TickField& field : lacking_) copy(field, recorded.header, output_->record.header);
-    for (const TickField& field : lacking_of_joints_)
+    for (const monitor::TickField& field : lacking_) copy(field, recorded.header, output_->record.header);
+    for (const monitor::TickField& field : lacking_of_joints_)
       for (std::size_t j = 0; j < std::min<std::size_t>(recorded.header.joint_count, kMaxJoints); ++j)
         copy(field, recorded.joints[j], output_->record.joints[j]);
   }
@@ -174,7 +176,7 @@ class Replayer {
           value_text(recorded, *place), value_text(output_->record, *place), altered});
   }
 
-  bool is_state(const RecordedKeyframe& keyframe) {
+  bool is_state(const monitor::RecordedKeyframe& keyframe) {
     saved_.resize(ipc::kMaxKeyframeBytes);
     saved_.resize(pipeline::save(*state_, saved_));
     const bool equal = saved_ == keyframe.state;
@@ -191,39 +193,39 @@ class Replayer {
     if (mismatch.tick >= from_ && !report_.first) report_.first = std::move(mismatch);
   }
 
-  const RecordedRun& run_;
+  const monitor::RecordedRun& run_;
   pipeline::TickConfig config_;
   pipeline::TickStatePtr state_;
   std::unique_ptr<pipeline::TickOutput> output_ = std::make_unique<pipeline::TickOutput>();
   RecordedInput input_;
-  Bytes saved_;
+  monitor::Bytes saved_;
   ReplayReport report_;
   std::uint64_t from_, start_behind_;
-  std::uint64_t read_ = 0;                              // ticks in the file
-  std::uint64_t at_ = 0;                                // tick the state is behind
-  std::uint64_t altered_tick_ = 0;                      // newest tick whose record or command was altered
-  std::vector<TickField> lacking_, lacking_of_joints_;  // outputs
+  std::uint64_t read_ = 0;                                       // ticks in the file
+  std::uint64_t at_ = 0;                                         // tick the state is behind
+  std::uint64_t altered_tick_ = 0;                               // newest tick whose record or command was altered
+  std::vector<monitor::TickField> lacking_, lacking_of_joints_;  // outputs
   bool is_of_other_build_;
   bool ready_;  // the state is the one behind tick at_
 };
 
 // Last keyframe before `from`; 0 when replay can, or must, begin with the file.
-std::expected<std::uint64_t, std::string> start_behind(const RecordedRun& run, std::uint64_t from) {
+std::expected<std::uint64_t, std::string> start_behind(const monitor::RecordedRun& run, std::uint64_t from) {
   std::uint64_t keyframe = 0;
-  const auto scanned = scan_run(run, {.tick = {},
-                                      .command = {},
-                                      .keyframe =
-                                          [&](const RecordedKeyframe& each) {
-                                            if (each.tick < from) keyframe = std::max(keyframe, each.tick);
-                                          },
-                                      .loss = {}});
+  const auto scanned = monitor::scan_run(run, {.tick = {},
+                                               .command = {},
+                                               .keyframe =
+                                                   [&](const monitor::RecordedKeyframe& each) {
+                                                     if (each.tick < from) keyframe = std::max(keyframe, each.tick);
+                                                   },
+                                               .loss = {}});
   if (!scanned) return std::unexpected(scanned.error());
   return keyframe;
 }
 
 }  // namespace
 
-std::expected<ReplayReport, std::string> replay(const RecordedRun& run, std::uint64_t from) {
+std::expected<ReplayReport, std::string> replay(const monitor::RecordedRun& run, std::uint64_t from) {
   std::uint64_t behind = 0;
   if (from > 1) {
     const auto found = start_behind(run, from);
@@ -232,21 +234,22 @@ std::expected<ReplayReport, std::string> replay(const RecordedRun& run, std::uin
   }
   Replayer replayer(run, from, behind);
   std::string refusal, other_ticks;
-  const auto scanned = scan_run(
-      run, {.tick = [&](const RecordedTick& tick) { replayer.tick(tick); },
-            .command = [&](const RecordedCommand& command) { replayer.command(command); },
-            .keyframe =
-                [&](const RecordedKeyframe& keyframe) {
-                  const auto loaded = replayer.keyframe(keyframe);
-                  if (!loaded) refusal = loaded.error();
-                },
-            .loss = {},
-            .other_tick_layout = [&](const OtherTickLayout& layout) { other_ticks = replayer.adapt(layout); }});
+  const auto scanned = monitor::scan_run(
+      run,
+      {.tick = [&](const monitor::RecordedTick& tick) { replayer.tick(tick); },
+       .command = [&](const monitor::RecordedCommand& command) { replayer.command(command); },
+       .keyframe =
+           [&](const monitor::RecordedKeyframe& keyframe) {
+             const auto loaded = replayer.keyframe(keyframe);
+             if (!loaded) refusal = loaded.error();
+           },
+       .loss = {},
+       .other_tick_layout = [&](const monitor::OtherTickLayout& layout) { other_ticks = replayer.adapt(layout); }});
   if (!scanned) return std::unexpected(scanned.error());
   if (!other_ticks.empty())
     return std::unexpected(
         fmt::format("{} cannot be replayed bit for bit: its ticks {} ({}); the version that made it can",
-                    run.folder.path(), other_ticks, whose(run.manifest.executive)));
+                    run.folder.path(), other_ticks, monitor::whose(run.manifest.executive)));
   ReplayReport report = replayer.take_report();
   report.file = scanned->file;
   report.made_by = made_by_other_sources(run.manifest.executive);
@@ -256,4 +259,4 @@ std::expected<ReplayReport, std::string> replay(const RecordedRun& run, std::uin
   return report;
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -21,7 +21,7 @@
 
 #include "monitor/record/recorded_run.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 
 struct Mismatch {
   std::uint64_t tick = 0;
@@ -48,7 +48,7 @@ struct ReplayReport {
   std::string made_by;           // version of the executive, where it was built of other sources; empty: not so
   std::vector<std::string> not_compared;  // outputs that this version records and the run's did not yet
   std::optional<Mismatch> first;
-  McapReport file;
+  monitor::McapReport file;
   [[nodiscard]] bool reproduces() const { return mismatches == 0 && identical > 0 && file.damaged_chunks == 0; }
   // No tick of the run, and no output of one, was left unjudged.
   [[nodiscard]] bool is_whole() const {
@@ -57,9 +57,9 @@ struct ReplayReport {
 };
 
 // `from`: first tick of interest; replay starts at the last keyframe before it. The error is one sentence.
-std::expected<ReplayReport, std::string> replay(const RecordedRun& run, std::uint64_t from);
+std::expected<ReplayReport, std::string> replay(const monitor::RecordedRun& run, std::uint64_t from);
 
 std::string replay_text(const ReplayReport& report);
 nlohmann::ordered_json to_json(const ReplayReport& report);
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -6,7 +6,7 @@
 #include "evidence/review/replay.hpp"
 #include "executive/contract/version.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 namespace {
 
 std::string mismatch_text(const Mismatch& mismatch) {
@@ -88,4 +88,4 @@ nlohmann::ordered_json to_json(const ReplayReport& report) {
   return json;
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

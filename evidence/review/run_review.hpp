@@ -10,12 +10,12 @@
 #include "monitor/judge/fault_classifier.hpp"
 #include "monitor/judge/run_metrics.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 
 struct RunReview {
-  RunMetrics metrics;
-  FaultSummary faults;
+  monitor::RunMetrics metrics;
+  monitor::FaultSummary faults;
 };
-std::expected<RunReview, std::string> review_of(const RecordedRun& run);
+std::expected<RunReview, std::string> review_of(const monitor::RecordedRun& run);
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

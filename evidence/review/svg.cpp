@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-namespace takt::monitor {
+namespace takt::evidence {
 namespace {
 
 std::string escaped(std::string_view text) {
@@ -56,4 +56,4 @@ std::string svg_polyline(std::span<const SvgPoint> points, std::string_view colo
   return fmt::format(R"(<polyline points="{}" fill="none" stroke="{}" stroke-width="1.5"/>)", places, colour) + "\n";
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

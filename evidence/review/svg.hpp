@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-namespace takt::monitor {
+namespace takt::evidence {
 
 struct SvgBox {
   double x = 0, y = 0, width = 0, height = 0;
@@ -24,4 +24,4 @@ std::string svg_line(double x1, double y1, double x2, double y2, std::string_vie
 std::string svg_rectangle(const SvgBox& box, std::string_view colour, double opacity, std::string_view hint);
 std::string svg_polyline(std::span<const SvgPoint> points, std::string_view colour);
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -3,7 +3,7 @@
 
 #include "evidence/review/recorded_input.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 namespace {
 
 class StretchCutter {
@@ -12,7 +12,7 @@ class StretchCutter {
   StretchCutter(const config::RobotConfig& robot, std::uint64_t policy, Duration length)
       : monitors_(robot), policy_(policy), length_(length) {}
 
-  void command(const RecordedCommand& command) { monitors_.command(command); }
+  void command(const monitor::RecordedCommand& command) { monitors_.command(command); }
   void tick(const TickRecordHeader& header) {
     const std::uint64_t whose = header.command_policy;  // 0: no command is in use
     const bool is_its_own = policy_ == 0 || whose == 0 || whose == policy_;
@@ -27,26 +27,28 @@ class StretchCutter {
     monitors_.forget_levels();
     begins_ = header.now;
   }
-  std::vector<ChunkScores> take() { return std::move(levels_); }
+  std::vector<monitor::ChunkScores> take() { return std::move(levels_); }
 
  private:
-  ChunkMonitors monitors_;
+  monitor::ChunkMonitors monitors_;
   std::uint64_t policy_;
   Duration length_;
   MonoTime begins_;  // of the stretch; unset: the robot does not follow the policy
-  std::vector<ChunkScores> levels_;
+  std::vector<monitor::ChunkScores> levels_;
 };
 
 }  // namespace
 
-std::expected<std::vector<ChunkScores>, std::string> usual_stretches(const RecordedRun& run, Duration length) {
+std::expected<std::vector<monitor::ChunkScores>, std::string> usual_stretches(const monitor::RecordedRun& run,
+                                                                              Duration length) {
   StretchCutter cutter(run.robot, recorded_config(run).policy.hash, length);
-  const auto scan = scan_run(run, {.tick = [&](const RecordedTick& tick) { cutter.tick(tick.record.header); },
-                                   .command = [&](const RecordedCommand& command) { cutter.command(command); },
-                                   .keyframe = {},
-                                   .loss = {}});
+  const auto scan =
+      monitor::scan_run(run, {.tick = [&](const monitor::RecordedTick& tick) { cutter.tick(tick.record.header); },
+                              .command = [&](const monitor::RecordedCommand& command) { cutter.command(command); },
+                              .keyframe = {},
+                              .loss = {}});
   if (!scan) return std::unexpected(scan.error());
   return cutter.take();
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

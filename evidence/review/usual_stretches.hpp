@@ -11,9 +11,10 @@
 #include "monitor/judge/chunk_monitors.hpp"
 #include "monitor/record/recorded_run.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 
 // The error is one sentence: the run cannot be read.
-std::expected<std::vector<ChunkScores>, std::string> usual_stretches(const RecordedRun& run, Duration length);
+std::expected<std::vector<monitor::ChunkScores>, std::string> usual_stretches(const monitor::RecordedRun& run,
+                                                                              Duration length);
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -7,7 +7,7 @@
 
 #include "evidence/rollout/random.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 constexpr std::uint64_t kTargetStream = 501;
@@ -29,10 +29,9 @@ Duration target_entry(std::uint64_t seed) {
   return {std::llround(random.between(0, kLatestEntry_s) * 1e9)};
 }
 
-std::expected<std::unique_ptr<ArmWorld>, std::string> ArmWorld::make(const config::RobotConfig& robot,
-                                                                     const Disturbance& disturbance, MonoTime started,
-                                                                     std::uint64_t seed,
-                                                                     std::unique_ptr<plant::OutsideMechanics> outside) {
+std::expected<std::unique_ptr<ArmWorld>, std::string> ArmWorld::make(
+    const config::RobotConfig& robot, const Disturbance& disturbance, MonoTime started, std::uint64_t seed,
+    std::unique_ptr<simulation::OutsideMechanics> outside) {
   if (!robot.simulation || robot.simulation->camera_sensor.empty())
     return std::unexpected(robot.file + ": task arm_tracking needs `simulation` with a `camera` and its `target`");
   if (outside && !outside->link().gives(TAKT_WORLD_POINT))
@@ -41,7 +40,7 @@ std::expected<std::unique_ptr<ArmWorld>, std::string> ArmWorld::make(const confi
   auto body = TroubledRobot::make(robot, disturbance, started, seed, std::move(outside));
   if (!body) return std::unexpected(body.error());
   const Duration entered = target_entry(seed);
-  const std::uint64_t camera_seed = plant::seed_for(seed, kTargetStream + 1);
+  const std::uint64_t camera_seed = simulation::seed_for(seed, kTargetStream + 1);
   return std::unique_ptr<ArmWorld>(new ArmWorld(robot, std::move(*body), started - entered, camera_seed));
 }
 
@@ -61,7 +60,7 @@ double ArmWorld::error_m(MonoTime now) {
   violated_ = too_fast || is_beyond_limits(robot_, q);
   tool_ = tool;
   seen_at_ = now;
-  return distance(tool, plant::target_at(simulation_, now - camera_started_));
+  return distance(tool, simulation::target_at(simulation_, now - camera_started_));
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -14,7 +14,7 @@
 #include "evidence/rollout/world.hpp"
 #include "simulation/camera.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 inline constexpr double kToolSpeedLimit = 0.6;  // m/s; the target of the demo arm stays below 0.3
 
@@ -25,30 +25,29 @@ class ArmWorld final : public World {
  public:
   // The error is one sentence: what the robot file lacks. `robot` and `disturbance` outlive this;
   // `outside` as TroubledDynamics::make has it.
-  static std::expected<std::unique_ptr<ArmWorld>, std::string> make(const config::RobotConfig& robot,
-                                                                    const Disturbance& disturbance, MonoTime started,
-                                                                    std::uint64_t seed,
-                                                                    std::unique_ptr<plant::OutsideMechanics> outside);
+  static std::expected<std::unique_ptr<ArmWorld>, std::string> make(
+      const config::RobotConfig& robot, const Disturbance& disturbance, MonoTime started, std::uint64_t seed,
+      std::unique_ptr<simulation::OutsideMechanics> outside);
 
-  plant::Plant& plant() override { return plant_; }
+  simulation::Plant& plant() override { return plant_; }
   [[nodiscard]] std::string sensor() const override { return simulation_.camera_sensor; }
   std::optional<SensorSample> sample(MonoTime now) override { return camera_.poll(now); }
   double error_m(MonoTime now) override;
   [[nodiscard]] bool is_violated() const override { return violated_; }
-  [[nodiscard]] plant::OutsideMechanics* outside() const override { return dynamics_.outside(); }
+  [[nodiscard]] simulation::OutsideMechanics* outside() const override { return dynamics_.outside(); }
 
  private:
   ArmWorld(const config::RobotConfig& robot, TroubledRobot body, MonoTime camera_started, std::uint64_t camera_seed);
 
   const config::RobotConfig& robot_;
-  plant::Plant plant_;
+  simulation::Plant plant_;
   TroubledDynamics& dynamics_;  // the plant's
   config::Simulation simulation_;
   MonoTime camera_started_;
-  plant::Camera camera_;
+  simulation::Camera camera_;
   config::Vector3 tool_{};
   MonoTime seen_at_;
   bool violated_ = false;
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

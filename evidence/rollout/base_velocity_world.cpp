@@ -9,7 +9,7 @@
 
 #include "config/observation_shape.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 constexpr std::uint64_t kWalkStream = 601;
@@ -21,14 +21,14 @@ struct Heading {
 };
 
 // Of the base's x axis in the world's plane.
-Heading heading_of(const plant::BasePose& base) {
+Heading heading_of(const simulation::BasePose& base) {
   const auto [w, x, y, z] = base.orientation;
   const double ahead = 1 - 2 * (y * y + z * z), left = 2 * (x * y + w * z);
   const double length = std::max(std::hypot(ahead, left), 1e-9);
   return {ahead / length, left / length};
 }
 
-double tilt_of(const plant::BasePose& base) {
+double tilt_of(const simulation::BasePose& base) {
   const auto [w, x, y, z] = base.orientation;
   return std::acos(std::clamp(1 - 2 * (x * x + y * y), -1.0, 1.0));
 }
@@ -46,7 +46,7 @@ const config::Sensor* command_sensor(const config::RobotConfig& robot) {
 }
 
 std::string problem_of(const config::RobotConfig& robot, const BaseVelocityTask& task,
-                       const plant::OutsideMechanics* outside) {
+                       const simulation::OutsideMechanics* outside) {
   if (outside != nullptr && !outside->link().gives(TAKT_WORLD_BASE))
     return "world " + outside->link().world() + " does not give the base's pose, which task base_velocity is judged by";
   if (outside == nullptr && (!robot.simulation || !robot.simulation->mujoco))
@@ -93,7 +93,7 @@ Duration walk_begins(std::uint64_t seed) {
 
 std::expected<std::unique_ptr<BaseVelocityWorld>, std::string> BaseVelocityWorld::make(
     const config::RobotConfig& robot, const BaseVelocityTask& task, const Disturbance& disturbance, MonoTime started,
-    std::uint64_t seed, std::unique_ptr<plant::OutsideMechanics> outside) {
+    std::uint64_t seed, std::unique_ptr<simulation::OutsideMechanics> outside) {
   if (const std::string problem = problem_of(robot, task, outside.get()); !problem.empty())
     return std::unexpected(problem);
   auto body = TroubledRobot::make(robot, disturbance, started, seed, std::move(outside));
@@ -136,16 +136,16 @@ std::optional<SensorSample> BaseVelocityWorld::imu(MonoTime now) {
   reading->orientation = shaken(reading->orientation, noise_);
   for (double& rate : reading->angular_velocity) rate += noise_.normal() * kRateNoise;
   for (double& force : reading->acceleration) force += noise_.normal() * kAccelerationNoise;
-  return plant::imu_sample(*reading, ++imu_samples_, now);
+  return simulation::imu_sample(*reading, ++imu_samples_, now);
 }
 
-void BaseVelocityWorld::look(const plant::BasePose& base) {
+void BaseVelocityWorld::look(const simulation::BasePose& base) {
   lost_ |= base.position[2] < least_height_m_ || tilt_of(base) > task_.most_tilt;
   violated_ = is_beyond_limits(robot_, plant_.state().q);
 }
 
 double BaseVelocityWorld::error_m(MonoTime now) {
-  const plant::BasePose base = *dynamics_.base();
+  const simulation::BasePose base = *dynamics_.base();
   look(base);
   Seen newest{now, {base.position[0], base.position[1]}, {}};
   if (!seen_.empty()) {
@@ -164,4 +164,4 @@ double BaseVelocityWorld::error_m(MonoTime now) {
   return std::hypot(strayed(0), strayed(1));
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

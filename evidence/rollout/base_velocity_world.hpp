@@ -20,7 +20,7 @@
 #include "evidence/rollout/troubled_dynamics.hpp"
 #include "evidence/rollout/world.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 inline constexpr Duration kJudgedOver = seconds(1);
 inline constexpr Duration kAftermath = milliseconds(500);  // of a fall; then the rollout ends
@@ -46,16 +46,16 @@ class BaseVelocityWorld final : public World {
   // `outside` as TroubledDynamics::make has it.
   static std::expected<std::unique_ptr<BaseVelocityWorld>, std::string> make(
       const config::RobotConfig& robot, const BaseVelocityTask& task, const Disturbance& disturbance, MonoTime started,
-      std::uint64_t seed, std::unique_ptr<plant::OutsideMechanics> outside);
+      std::uint64_t seed, std::unique_ptr<simulation::OutsideMechanics> outside);
 
-  plant::Plant& plant() override { return plant_; }
+  simulation::Plant& plant() override { return plant_; }
   [[nodiscard]] std::string sensor() const override { return command_sensor_; }
   std::optional<SensorSample> sample(MonoTime now) override;
   std::optional<SensorSample> imu(MonoTime now) override;
   double error_m(MonoTime now) override;
   [[nodiscard]] bool is_violated() const override { return violated_; }
   [[nodiscard]] bool is_lost() const override { return lost_; }
-  [[nodiscard]] plant::OutsideMechanics* outside() const override { return dynamics_.outside(); }
+  [[nodiscard]] simulation::OutsideMechanics* outside() const override { return dynamics_.outside(); }
   [[nodiscard]] std::optional<Duration> ends_after_loss() const override { return kAftermath; }
 
  private:
@@ -66,12 +66,12 @@ class BaseVelocityWorld final : public World {
   BaseVelocityWorld(const config::RobotConfig& robot, const BaseVelocityTask& task, TroubledRobot body,
                     MonoTime started, std::uint64_t seed);
   [[nodiscard]] std::array<double, 3> commanded(MonoTime now) const;
-  void look(const plant::BasePose& base);
+  void look(const simulation::BasePose& base);
 
   const config::RobotConfig& robot_;
   const BaseVelocityTask task_;
   std::string command_sensor_;
-  plant::Plant plant_;
+  simulation::Plant plant_;
   TroubledDynamics& dynamics_;  // the plant's
   MonoTime begins_, ends_;      // of walking; ends_ unset: never
   Random noise_;
@@ -82,4 +82,4 @@ class BaseVelocityWorld final : public World {
   bool violated_ = false, lost_ = false;
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -6,7 +6,7 @@
 
 #include "evidence/rollout/random.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 constexpr std::uint64_t kCommandStream = 551;
@@ -24,7 +24,7 @@ bool is_beyond(const config::Limits& limits, double q, double margin) {
 
 std::expected<std::unique_ptr<CartPoleWorld>, std::string> CartPoleWorld::make(
     const config::RobotConfig& robot, const Disturbance& disturbance, MonoTime started, std::uint64_t seed,
-    std::unique_ptr<plant::OutsideMechanics> outside) {
+    std::unique_ptr<simulation::OutsideMechanics> outside) {
   if (!robot.simulation || !robot.simulation->cart_pole || robot.simulation->camera_sensor.empty())
     return std::unexpected(robot.file +
                            ": task cart_pole_balance needs `simulation` with `cart_pole`, `camera`, `target`");
@@ -37,7 +37,7 @@ std::expected<std::unique_ptr<CartPoleWorld>, std::string> CartPoleWorld::make(
   // The first step comes within one period of the start.
   const Duration told_for{std::llround(random.between(0, static_cast<double>(robot.simulation->step_period.ns)))};
   return std::unique_ptr<CartPoleWorld>(
-      new CartPoleWorld(robot, std::move(*body), started - told_for, plant::seed_for(seed, kCommandStream + 1)));
+      new CartPoleWorld(robot, std::move(*body), started - told_for, simulation::seed_for(seed, kCommandStream + 1)));
 }
 
 CartPoleWorld::CartPoleWorld(const config::RobotConfig& robot, TroubledRobot body, MonoTime told_since,
@@ -55,7 +55,7 @@ double CartPoleWorld::error_m(MonoTime now) {
   const config::Limits& pole = robot_.joints[1].limits;
   violated_ = is_beyond(track, q[0], 0) || is_beyond(pole, q[1], 0);
   lost_ |= is_beyond(pole, q[1], pole.position_margin);
-  return std::abs(dynamics_.controlled_point(q)[0] - plant::target_at(simulation_, now - told_since_)[0]);
+  return std::abs(dynamics_.controlled_point(q)[0] - simulation::target_at(simulation_, now - told_since_)[0]);
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

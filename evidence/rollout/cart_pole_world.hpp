@@ -15,7 +15,7 @@
 #include "evidence/rollout/world.hpp"
 #include "simulation/camera.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 class CartPoleWorld final : public World {
  public:
@@ -23,26 +23,26 @@ class CartPoleWorld final : public World {
   // `outside` as TroubledDynamics::make has it.
   static std::expected<std::unique_ptr<CartPoleWorld>, std::string> make(
       const config::RobotConfig& robot, const Disturbance& disturbance, MonoTime started, std::uint64_t seed,
-      std::unique_ptr<plant::OutsideMechanics> outside);
+      std::unique_ptr<simulation::OutsideMechanics> outside);
 
-  plant::Plant& plant() override { return plant_; }
+  simulation::Plant& plant() override { return plant_; }
   [[nodiscard]] std::string sensor() const override { return simulation_.camera_sensor; }
   std::optional<SensorSample> sample(MonoTime now) override { return sensor_.poll(now); }
   double error_m(MonoTime now) override;
   [[nodiscard]] bool is_violated() const override { return violated_; }
-  [[nodiscard]] plant::OutsideMechanics* outside() const override { return dynamics_.outside(); }
+  [[nodiscard]] simulation::OutsideMechanics* outside() const override { return dynamics_.outside(); }
   [[nodiscard]] bool is_lost() const override { return lost_; }
 
  private:
   CartPoleWorld(const config::RobotConfig& robot, TroubledRobot body, MonoTime told_since, std::uint64_t seed);
 
   const config::RobotConfig& robot_;
-  plant::Plant plant_;
+  simulation::Plant plant_;
   TroubledDynamics& dynamics_;  // the plant's
   config::Simulation simulation_;
   MonoTime told_since_;
-  plant::Camera sensor_;
+  simulation::Camera sensor_;
   bool violated_ = false, lost_ = false;
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -8,7 +8,7 @@
 
 #include "executive/contract/command_chunk.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 // Between which two steps of a chunk an instant lies, and how far. Before the first step it is the first, after the
 // last one the last.
@@ -35,4 +35,4 @@ inline float chunk_value(const CommandChunk& chunk, CommandField field, const Ch
   return from + (to - from) * place.share;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -8,7 +8,7 @@
 #include "policy_host/engines/load_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 std::expected<std::unique_ptr<FallbackHost>, std::string> load_fallback_host(const config::RobotConfig& robot) {
   const config::Fallback* const fallback = config::fallback_policy_of(robot);
@@ -26,4 +26,4 @@ std::expected<std::unique_ptr<FallbackHost>, std::string> load_fallback_host(con
   return host;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

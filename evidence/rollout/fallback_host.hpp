@@ -10,7 +10,7 @@
 #include "config/robot_config.hpp"
 #include "policy_host/policy.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 struct FallbackHost {
   config::RobotConfig robot;  // as this host sees it: config::seen_by_fallback
@@ -21,4 +21,4 @@ struct FallbackHost {
 // Null: the robot has none. The error is one line: the file cannot be read, or does not fit the robot.
 std::expected<std::unique_ptr<FallbackHost>, std::string> load_fallback_host(const config::RobotConfig& robot);
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -5,7 +5,7 @@
 #include <array>
 #include <limits>
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 constexpr std::array<BuiltInMethod, 5> kBuiltIns{{
@@ -129,4 +129,4 @@ std::optional<Duration> own_max_age(const Method& method) {
   return std::nullopt;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

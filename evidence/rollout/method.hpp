@@ -12,7 +12,7 @@
 #include "executive/contract/mono_time.hpp"
 #include "executive/pipeline/tick_config.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 enum class BuiltIn : std::uint8_t {
   takt,        // the robot file as it is
@@ -58,4 +58,4 @@ void apply(const Method& method, pipeline::TickConfig& config);
 // Of a method that judges age by another limit than the robot file's.
 std::optional<Duration> own_max_age(const Method& method);
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

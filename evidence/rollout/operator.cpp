@@ -6,7 +6,7 @@
 
 #include "executive/pipeline/control_tick.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 // The stop itself is always one of them.
@@ -54,4 +54,4 @@ OperatorRequest Operator::next(const TickRecord& latest, const pipeline::TickCon
   return OperatorRequest::none;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

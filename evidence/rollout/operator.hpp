@@ -16,7 +16,7 @@
 #include "executive/contract/tick_record.hpp"
 #include "executive/pipeline/tick_config.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 class Operator {
  public:
@@ -33,4 +33,4 @@ class Operator {
   MonoTime stopped_at_;  // unset: no stop since the robot was last armed
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -6,13 +6,13 @@
 
 #include "policy_host/boundary.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 struct OutsideProcesses {
   std::string world =
-      {};  // a command or a socket, as plant::WorldProcess has it; empty: the robot file's own mechanics
+      {};  // a command or a socket, as simulation::WorldProcess has it; empty: the robot file's own mechanics
   std::string policy = {};  // as PolicyProcess has it; empty: policy.file is a network
   policy_host::Grants policy_may = {};
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -7,11 +7,11 @@
 
 #include "policy_host/sensor_link.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 // A person who says nothing is no fault: a command's sensor need not be played.
-std::string problem_of(const config::RobotConfig& robot, const plant::OutsideMechanics* outside) {
+std::string problem_of(const config::RobotConfig& robot, const simulation::OutsideMechanics* outside) {
   const std::string world = outside != nullptr ? "world " + outside->link().world() : "the simulator";
   if (robot.imu && outside != nullptr && !outside->link().gives(TAKT_WORLD_IMU))
     return world + " gives no IMU's readings, and " + robot.file + " has `imu`";
@@ -27,7 +27,7 @@ std::string problem_of(const config::RobotConfig& robot, const plant::OutsideMec
 
 std::expected<std::unique_ptr<OutsideWorld>, std::string> OutsideWorld::make(
     const config::RobotConfig& robot, const Disturbance& disturbance, MonoTime started, std::uint64_t seed,
-    std::unique_ptr<plant::OutsideMechanics> outside) {
+    std::unique_ptr<simulation::OutsideMechanics> outside) {
   if (const std::string why = problem_of(robot, outside.get()); !why.empty()) return std::unexpected(why);
   auto body = TroubledRobot::make(robot, disturbance, started, seed, std::move(outside));
   if (!body) return std::unexpected(body.error());
@@ -39,14 +39,14 @@ std::string OutsideWorld::sensor() const {
 }
 
 std::optional<SensorSample> OutsideWorld::sample(MonoTime now) {
-  plant::OutsideMechanics* const played = body_.dynamics.outside();
+  simulation::OutsideMechanics* const played = body_.dynamics.outside();
   return played != nullptr ? played->sample(now) : std::nullopt;
 }
 
 std::optional<SensorSample> OutsideWorld::imu(MonoTime now) {
   const auto reading = robot_.imu ? body_.dynamics.imu() : std::nullopt;
   if (!reading) return std::nullopt;
-  return plant::imu_sample(*reading, ++imu_samples_, now);
+  return simulation::imu_sample(*reading, ++imu_samples_, now);
 }
 
 double OutsideWorld::error_m(MonoTime) {
@@ -54,4 +54,4 @@ double OutsideWorld::error_m(MonoTime) {
   return outside() != nullptr ? outside()->error() : 0;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

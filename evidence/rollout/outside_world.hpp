@@ -14,22 +14,22 @@
 #include "evidence/rollout/troubled_dynamics.hpp"
 #include "evidence/rollout/world.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 class OutsideWorld final : public World {
  public:
   // `robot` and `disturbance` outlive this; `outside` as TroubledDynamics::make has it.
   static std::expected<std::unique_ptr<OutsideWorld>, std::string> make(
       const config::RobotConfig& robot, const Disturbance& disturbance, MonoTime started, std::uint64_t seed,
-      std::unique_ptr<plant::OutsideMechanics> outside);
+      std::unique_ptr<simulation::OutsideMechanics> outside);
 
-  plant::Plant& plant() override { return body_.plant; }
+  simulation::Plant& plant() override { return body_.plant; }
   [[nodiscard]] std::string sensor() const override;
   std::optional<SensorSample> sample(MonoTime now) override;
   std::optional<SensorSample> imu(MonoTime now) override;
   double error_m(MonoTime now) override;
   [[nodiscard]] bool is_violated() const override { return violated_; }
-  [[nodiscard]] plant::OutsideMechanics* outside() const override { return body_.dynamics.outside(); }
+  [[nodiscard]] simulation::OutsideMechanics* outside() const override { return body_.dynamics.outside(); }
 
  private:
   OutsideWorld(const config::RobotConfig& robot, TroubledRobot body) : robot_(robot), body_(std::move(body)) {}
@@ -40,4 +40,4 @@ class OutsideWorld final : public World {
   bool violated_ = false;
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 constexpr std::array<PerturbationKind, kTroubleCount> kKinds{{
@@ -131,4 +131,4 @@ bool Disturbance::in_first_part(Trouble trouble, MonoTime at) const {
   return turn_now != 0 && at - begins(trouble) - kRepeat * (turn_now - 1) < delay(trouble, at);
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -13,7 +13,7 @@
 
 #include "executive/contract/mono_time.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 enum class Trouble : std::uint8_t {
   none,
@@ -116,4 +116,4 @@ class Disturbance {
   MonoTime begins_, ends_;
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -8,7 +8,7 @@
 
 #include "evidence/rollout/chunk_value.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 using pipeline::Interpolation;
@@ -272,4 +272,4 @@ void PlainLoop::tick(const pipeline::TickInput& input, pipeline::TickOutput& out
   publish(input, output);
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -22,7 +22,7 @@
 #include "executive/pipeline/observation_memory.hpp"
 #include "executive/pipeline/tick_config.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 // What one drive is told `since` the chunk's step 0. `gravity`: Nm, the model's; `said`: the drive's newest reply.
 // Preconditions: the chunk has a step, a period, field q and the joint; its values are finite.
@@ -51,4 +51,4 @@ class PlainLoop {
   Mode mode_ = Mode::standby;
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

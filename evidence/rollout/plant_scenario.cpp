@@ -9,7 +9,7 @@
 #include "evidence/rollout/random.hpp"
 #include "evidence/rollout/troubled_dynamics.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 constexpr std::uint64_t kLyingJointStream = 801;
@@ -81,7 +81,7 @@ std::size_t lying_joint(const config::RobotConfig& robot, std::uint64_t seed) {
   std::vector<std::size_t> driven;
   for (std::size_t j = 0; j < robot.joints.size(); ++j)
     if (!robot.joints[j].passive) driven.push_back(j);
-  Random draw(plant::seed_for(seed, kLyingJointStream), 0);
+  Random draw(simulation::seed_for(seed, kLyingJointStream), 0);
   return driven[draw.below(driven.size())];
 }
 
@@ -124,4 +124,4 @@ std::string body_scenario(const Perturbation& perturbation, std::uint64_t seed) 
   return with_head(whole_window(perturbation, what));
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

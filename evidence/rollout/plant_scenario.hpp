@@ -10,7 +10,7 @@
 #include "config/robot_config.hpp"
 #include "evidence/rollout/perturbation.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 // can_loss, can_delay, bus_off.
 std::string bus_scenario(const Perturbation& perturbation, const config::RobotConfig& robot);
@@ -25,4 +25,4 @@ std::string sensor_scenario(const Perturbation& perturbation, const config::Robo
 // push, payload, friction.
 std::string body_scenario(const Perturbation& perturbation, std::uint64_t seed);
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

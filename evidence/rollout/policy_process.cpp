@@ -18,7 +18,7 @@
 #include "executive/ipc/unix_socket.hpp"
 #include "policy_host/sensor_link.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 namespace fs = std::filesystem;
@@ -181,4 +181,4 @@ bool PolicyProcess::answer(const Observation& observation, std::span<const Senso
   return chunk.header.step_count != 0;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -28,7 +28,7 @@
 #include "policy_host/policy_seat.hpp"
 #include "simulation/kept_process.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 class PolicyProcess {
  public:
@@ -81,8 +81,8 @@ class PolicyProcess {
   pid_t owner_ = 0;  // of folder and seat
   std::unique_ptr<policy_host::PolicySeat> seat_;
   std::vector<Source> sources_;
-  plant::KeptProcess process_;
+  simulation::KeptProcess process_;
   std::string silence_ = "not begun";
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

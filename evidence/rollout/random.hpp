@@ -10,15 +10,15 @@
 
 #include "simulation/chance.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 class Random {
  public:
-  Random(std::uint64_t seed, std::uint64_t stream) : bits_(plant::seed_for(seed, stream)) {}
+  Random(std::uint64_t seed, std::uint64_t stream) : bits_(simulation::seed_for(seed, stream)) {}
 
   double unit() { return static_cast<double>(bits_() >> 11U) * 0x1p-53; }  // [0, 1)
   double between(double low, double high) { return low + (high - low) * unit(); }
-  bool happens(double share) { return plant::happens(share, bits_); }
+  bool happens(double share) { return simulation::happens(share, bits_); }
   std::uint64_t below(std::uint64_t count) { return bits_() % count; }
 
   // Box-Muller; one of the pair is thrown away.
@@ -33,4 +33,4 @@ class Random {
   std::mt19937_64 bits_;
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -17,7 +17,7 @@
 #include "policy_host/host_faults.hpp"
 #include "simulation/scenario.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 constexpr std::uint64_t kPreemptionStream = 701;
@@ -142,7 +142,7 @@ Answer stalls(const Perturbation& perturbation) {
 
 // What the simulator cannot play, its own reader refuses.
 Answer played(const Perturbation& perturbation, std::string scenario, const config::RobotConfig& robot) {
-  const auto readable = plant::parse_scenario(scenario, "scenario", robot);
+  const auto readable = simulation::parse_scenario(scenario, "scenario", robot);
   if (!readable) return refuse(perturbation, "the simulator cannot play it: " + readable.error());
   return RealTrouble{.plant_scenario = std::move(scenario)};
 }
@@ -207,4 +207,4 @@ std::expected<RealTrouble, std::string> real_trouble_of(const Perturbation& pert
   return RealTrouble{};
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

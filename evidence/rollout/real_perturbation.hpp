@@ -24,7 +24,7 @@
 #include "config/robot_config.hpp"
 #include "evidence/rollout/perturbation.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 struct RealTrouble {
   std::vector<std::string> actions = {};        // of `takt run --at`, times since tracking began
@@ -36,4 +36,4 @@ struct RealTrouble {
 std::expected<RealTrouble, std::string> real_trouble_of(const Perturbation& perturbation,
                                                         const config::RobotConfig& robot, std::uint64_t seed);
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

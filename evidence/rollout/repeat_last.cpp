@@ -7,7 +7,7 @@
 
 #include "evidence/rollout/chunk_value.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 // One value of a joint's target `since` the source's observation: held or linear between steps, the last one for ever,
@@ -62,4 +62,4 @@ const CommandChunk* RepeatLast::read() {
   return repeated_.get();
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -14,7 +14,7 @@
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/observation.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 class RepeatLast {
  public:
@@ -35,4 +35,4 @@ class RepeatLast {
   bool has_source_ = false, due_ = false;
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

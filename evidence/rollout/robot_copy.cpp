@@ -11,7 +11,7 @@
 #include "config/observation_shape.hpp"
 #include "config/policy_signature.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 namespace fs = std::filesystem;
@@ -63,4 +63,4 @@ std::expected<void, std::string> write_robot(const config::RobotConfig& robot, c
   return link_policy(*robot.policy, robot, folder);
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -8,9 +8,9 @@
 
 #include "config/robot_config.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 // Writes FOLDER/robot.yaml. The error is one sentence.
 std::expected<void, std::string> write_robot(const config::RobotConfig& robot, const std::string& folder);
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

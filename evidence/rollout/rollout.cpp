@@ -23,7 +23,7 @@
 #include "executive/setup/tick_config_of.hpp"
 #include "policy_host/sensor_link.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 constexpr MonoTime kStart{1'000'000'000'000};  // some 17 minutes after boot
@@ -33,7 +33,7 @@ constexpr std::uint64_t kImuLossStream = 211;
 constexpr Duration kSettle = seconds(2);  // from power-on to the task: arming, and the way to it
 
 std::expected<std::unique_ptr<World>, std::string> make_world(const RolloutSetup& setup, const Disturbance& disturbance,
-                                                              std::unique_ptr<plant::OutsideMechanics> outside) {
+                                                              std::unique_ptr<simulation::OutsideMechanics> outside) {
   switch (setup.task) {
     case Task::arm_tracking:
       return ArmWorld::make(setup.robot, disturbance, kStart, setup.seed, std::move(outside));
@@ -54,7 +54,7 @@ std::size_t index_of(const config::RobotConfig& robot, const std::string& sensor
 }
 
 // Sensors of images that the policy sees and no process plays. Empty: none.
-std::string blindness(const config::RobotConfig& robot, const plant::OutsideMechanics* outside) {
+std::string blindness(const config::RobotConfig& robot, const simulation::OutsideMechanics* outside) {
   for (const std::size_t sensor : policy_host::sensors_in_use(robot)) {
     if (!robot.sensors[sensor].image || (outside != nullptr && outside->films(sensor))) continue;
     const std::string& name = robot.sensors[sensor].name;
@@ -68,7 +68,7 @@ std::string blindness(const config::RobotConfig& robot, const plant::OutsideMech
 }
 
 Score score_of(const RolloutSetup& setup, const World& world) {
-  const plant::OutsideMechanics* const outside = setup.task == Task::world ? world.outside() : nullptr;
+  const simulation::OutsideMechanics* const outside = setup.task == Task::world ? world.outside() : nullptr;
   return {.settled = kStart + kSettle,
           .begins = kStart + (setup.duration - setup.scored),
           .bound_m = setup.bound_m,
@@ -76,8 +76,8 @@ Score score_of(const RolloutSetup& setup, const World& world) {
 }
 
 pipeline::TickConfig config_of(const RolloutSetup& setup) {
-  pipeline::TickConfig config = config::tick_config_of(setup.robot, setup.policy_hash,
-                                                       setup.fallback != nullptr ? setup.fallback->policy_hash : 0);
+  pipeline::TickConfig config = setup::tick_config_of(setup.robot, setup.policy_hash,
+                                                      setup.fallback != nullptr ? setup.fallback->policy_hash : 0);
   apply(setup.method, config);
   return config;
 }
@@ -128,8 +128,8 @@ class Rollout {
   }
 
  private:
-  static plant::FeedbackFaults feedback_faults(const Disturbance& disturbance, MonoTime at) {
-    plant::FeedbackFaults lies;
+  static simulation::FeedbackFaults feedback_faults(const Disturbance& disturbance, MonoTime at) {
+    simulation::FeedbackFaults lies;
     lies.frozen_position = disturbance.dose(Trouble::feedback_frozen, at) > 0;
     lies.freeze = disturbance.dose(Trouble::feedback_repeated, at) > 0;
     lies.reversed = disturbance.dose(Trouble::feedback_reversed, at) > 0;
@@ -152,7 +152,7 @@ class Rollout {
   void step_plant(MonoTime until) {
     const Duration step = world_.plant().step_length();
     for (; plant_at_ + step <= until && world_.ended() == nullptr; plant_at_ = plant_at_ + step) {
-      if (const plant::FeedbackFaults lies = feedback_faults(disturbance_, plant_at_); lies != lies_) {
+      if (const simulation::FeedbackFaults lies = feedback_faults(disturbance_, plant_at_); lies != lies_) {
         lies_ = lies;
         world_.plant().set_line(liar_, {.feedback = lies});
       }
@@ -167,7 +167,7 @@ class Rollout {
     input_.now = now;
     input_.lateness = late;
     if (const auto sample = world_.sample(now)) sense(sensor_, {*sample});
-    if (plant::OutsideMechanics* const outside = world_.outside())
+    if (simulation::OutsideMechanics* const outside = world_.outside())
       for (const auto& [sensor, sensed] : outside->images(now)) sense(sensor, sensed);
     if (const auto sample = world_.imu(now)) imu_.take({*sample});
     input_.imu = imu_of(imu_.newest(now).sample);
@@ -189,7 +189,7 @@ class Rollout {
     if (setup_.on_tick) setup_.on_tick(output_->record);
   }
 
-  void sense(std::size_t sensor, const plant::Sensed& sensed) {
+  void sense(std::size_t sensor, const simulation::Sensed& sensed) {
     policy_.sense(sensor, sensed);
     if (fallback_) fallback_->sense(sensor, sensed);
   }
@@ -237,8 +237,8 @@ class Rollout {
   std::size_t sensor_;  // that world_.sample() is of; none: as many as there are
   const Disturbance& disturbance_;
   VirtualBus bus_;
-  std::size_t liar_;            // the joint whose drive may say what is not so
-  plant::FeedbackFaults lies_;  // that it says now
+  std::size_t liar_;                 // the joint whose drive may say what is not so
+  simulation::FeedbackFaults lies_;  // that it says now
   SensorFeed imu_;
   Disturbance untroubled_{{}, kStart};
   VirtualPolicy policy_;
@@ -274,18 +274,19 @@ std::expected<Task, std::string> task_of(const config::RobotConfig& robot, World
 namespace {
 
 // Set up wrongly, so that every other rollout would end as this one.
-bool is_for_good(plant::WorldEndKind kind) {
-  return kind == plant::WorldEndKind::absent || kind == plant::WorldEndKind::refused;
+bool is_for_good(simulation::WorldEndKind kind) {
+  return kind == simulation::WorldEndKind::absent || kind == simulation::WorldEndKind::refused;
 }
 
-void tell_end(const RolloutSetup& setup, const plant::WorldEnd& end) {
+void tell_end(const RolloutSetup& setup, const simulation::WorldEnd& end) {
   if (setup.on_world_end) setup.on_world_end(end);
   // What has spoilt one simulation does not play the next.
-  if (end.kind != plant::WorldEndKind::succeeded && end.kind != plant::WorldEndKind::failed) setup.world->give_up();
+  if (end.kind != simulation::WorldEndKind::succeeded && end.kind != simulation::WorldEndKind::failed)
+    setup.world->give_up();
 }
 
 // Ended before the first tick.
-void fill_without_ticks(const RolloutSetup& setup, const Disturbance& disturbance, const plant::WorldEnd& end,
+void fill_without_ticks(const RolloutSetup& setup, const Disturbance& disturbance, const simulation::WorldEnd& end,
                         RolloutRow& row) {
   RolloutMeasures measures({.settled = kStart, .begins = kStart, .bound_m = setup.bound_m}, disturbance, setup.robot);
   measures.world_ended(end.kind);
@@ -298,7 +299,7 @@ std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutR
   const Disturbance disturbance(setup.perturbation, kStart);
   if (config::fallback_policy_of(setup.robot) != nullptr && setup.fallback == nullptr)
     return std::unexpected(setup.robot.file + ": its fallback policy was not given to the rollout");
-  std::unique_ptr<plant::OutsideMechanics> outside;
+  std::unique_ptr<simulation::OutsideMechanics> outside;
   if (setup.world != nullptr) {
     if (!setup.robot.simulation) return std::unexpected(setup.robot.file + kNoSimulation);
     auto begun = setup.world->begin(setup.robot, setup.seed);
@@ -326,10 +327,10 @@ std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutR
   } catch (const std::runtime_error& diverged) {
     return std::unexpected(setup.robot.file + ": " + diverged.what());
   }
-  if (const plant::WorldEnd* const end = (*world)->ended()) tell_end(setup, *end);
+  if (const simulation::WorldEnd* const end = (*world)->ended()) tell_end(setup, *end);
   if (setup.policy.program != nullptr && !setup.policy.program->silence().empty() && setup.on_silence)
     setup.on_silence(setup.policy.program->silence());
   return {};
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -29,14 +29,14 @@
 #include "policy_host/policy.hpp"
 #include "simulation/world_process.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 enum class Task : std::uint8_t { arm_tracking, cart_pole_balance, base_velocity, world };
 inline constexpr std::array<std::string_view, 4> kTaskNames{"arm_tracking", "cart_pole_balance", "base_velocity",
                                                             "world"};
 // What a robot's simulation is made for; `world`: not declared.
 Task task_of(const config::RobotConfig& robot);
-using WorldProcess = plant::WorldProcess;
+using WorldProcess = simulation::WorldProcess;
 // The same in a world of another process, which is asked; null: there is none. That world's own task where it judges
 // one. The error is one sentence.
 std::expected<Task, std::string> task_of(const config::RobotConfig& robot, WorldProcess* world);
@@ -61,7 +61,7 @@ struct RolloutSetup {
   std::function<void(const TickRecord&)> on_tick = {};
   std::function<void(const ShownSample&)> on_shown = {};  // to the policy, not to its fallback
   WorldProcess* world = nullptr;                          // plays the mechanics; null: the robot file's own
-  std::function<void(const plant::WorldEnd&)> on_world_end = {};
+  std::function<void(const simulation::WorldEnd&)> on_world_end = {};
   std::function<void(const std::string& why)> on_silence = {};  // of a program that ended or hung
 };
 
@@ -70,4 +70,4 @@ struct RolloutSetup {
 // the robot lacks for the task, that its physics diverged, or that no world is to be had.
 std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutRow& row);
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

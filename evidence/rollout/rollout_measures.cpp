@@ -9,7 +9,7 @@
 #include <cstring>
 #include <utility>
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 AgeQuantiles row_of(const monitor::Quantiles& ns) {
@@ -36,23 +36,23 @@ std::uint64_t entered(const monitor::RunMetrics& metrics, Mode mode) {
 }
 
 // What fails a rollout that its world ended, for rows.
-std::string_view label_of(plant::WorldEndKind kind) {
+std::string_view label_of(simulation::WorldEndKind kind) {
   switch (kind) {
-    case plant::WorldEndKind::absent:
+    case simulation::WorldEndKind::absent:
       return "world_absent";
-    case plant::WorldEndKind::refused:
+    case simulation::WorldEndKind::refused:
       return "world_refused";
-    case plant::WorldEndKind::hung:
+    case simulation::WorldEndKind::hung:
       return "world_hung";
-    case plant::WorldEndKind::died:
+    case simulation::WorldEndKind::died:
       return "world_died";
-    case plant::WorldEndKind::nonsense:
+    case simulation::WorldEndKind::nonsense:
       return "world_nonsense";
-    case plant::WorldEndKind::unable:
+    case simulation::WorldEndKind::unable:
       return "world_unable";
-    case plant::WorldEndKind::failed:
+    case simulation::WorldEndKind::failed:
       return "failed";
-    case plant::WorldEndKind::succeeded:
+    case simulation::WorldEndKind::succeeded:
       return {};
   }
   return "world_nonsense";
@@ -86,9 +86,9 @@ void RolloutMeasures::tick(const TickRecord& record, const TruthOfTick& truth) {
   last_ = header.now;
 }
 
-void RolloutMeasures::world_ended(plant::WorldEndKind kind) {
-  done_ = kind == plant::WorldEndKind::succeeded;
-  if (kind == plant::WorldEndKind::failed)
+void RolloutMeasures::world_ended(simulation::WorldEndKind kind) {
+  done_ = kind == simulation::WorldEndKind::succeeded;
+  if (kind == simulation::WorldEndKind::failed)
     lost_ = stop_.empty() ? label_of(kind) : stop_;
   else
     spoilt_ = label_of(kind);
@@ -210,4 +210,4 @@ void RolloutMeasures::finish(double epsilon, double confidence, RolloutRow& row)
   row.replay_hash = fmt::format("{:016x}", hash_);
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

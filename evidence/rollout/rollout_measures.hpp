@@ -16,7 +16,7 @@
 #include "monitor/judge/metrics_collector.hpp"
 #include "simulation/world_link.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 // What counts as done: the root mean square of the error over the last part of the rollout, and no stop that was not
 // ended. A stop that the operator ended is no failure by itself; it stays counted as a safety event.
@@ -46,7 +46,7 @@ class RolloutMeasures {
 
   void tick(const TickRecord& record, const TruthOfTick& truth);
   // Of a world that another process plays: nothing follows.
-  void world_ended(plant::WorldEndKind kind);
+  void world_ended(simulation::WorldEndKind kind);
   // Fills everything but the row's identity and host fields. Call once, after the last tick.
   void finish(double epsilon, double confidence, RolloutRow& row);
 
@@ -91,4 +91,4 @@ class RolloutMeasures {
   std::uint64_t hash_ = 0xCBF2'9CE4'8422'2325ULL;
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

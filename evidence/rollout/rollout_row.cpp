@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-namespace takt::panel {
+namespace takt::evidence {
 
 PairKey pair_key(const RolloutRow& row) {
   return {row.task, row.perturbation, row.dose, row.seed};
@@ -13,4 +13,4 @@ std::string rollout_id(const RolloutRow& row) {
   return fmt::format("{}.{}@{}.{}.s{}", row.task, row.perturbation, row.dose, row.method, row.seed);
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

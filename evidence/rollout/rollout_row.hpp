@@ -20,7 +20,7 @@
 #include "executive/contract/mode.hpp"
 #include "monitor/judge/fault_classifier.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 inline constexpr const char* kRolloutSchema = "takt.rollout/1";
 
@@ -90,13 +90,14 @@ struct RolloutRow {
   std::string leading_fault;  // the classifier's costliest verdict; empty: it had no reason for one
   std::uint64_t fault_verdicts = 0;  // of stretches of trouble, one for each cause
   std::array<std::optional<double>, monitor::kFaultCount> fault_shares{};  // of troubled ticks; empty: an earlier row
-  std::array<double, kChunkScoreCount> chunk_levels{};  // monitor/judge/chunk_monitors.hpp; 0: no answer was watched
-  std::uint64_t catch_votes = 0, catch_of = 0;          // answers: the rule behind levels and catches
-  std::uint64_t catches = 0;                            // of the chunk monitors
-  std::uint64_t rearms = 0;                             // times the operator armed the robot again
-  double tracking_error_rms_m = 0;                      // of the task's controlled point, over the scored ticks
-  double tracking_error_p95_m = 0;                      //
-  std::uint64_t constraint_violations = 0;              // ticks outside the task's own constraints
+  std::array<double, config::kChunkScoreCount>
+      chunk_levels{};                           // monitor/judge/chunk_monitors.hpp; 0: no answer was watched
+  std::uint64_t catch_votes = 0, catch_of = 0;  // answers: the rule behind levels and catches
+  std::uint64_t catches = 0;                    // of the chunk monitors
+  std::uint64_t rearms = 0;                     // times the operator armed the robot again
+  double tracking_error_rms_m = 0;              // of the task's controlled point, over the scored ticks
+  double tracking_error_p95_m = 0;              //
+  std::uint64_t constraint_violations = 0;      // ticks outside the task's own constraints
 
   // Latency.
   std::uint64_t ticks = 0;                  // of the rollout
@@ -136,4 +137,4 @@ PairKey pair_key(const RolloutRow& row);
 // "reach.slow_infer@0.5.fast.s7": names the row's post-mortem; unique within an artifact and safe as a file name.
 std::string rollout_id(const RolloutRow& row);
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -5,12 +5,12 @@
 
 #include "simulation/chance.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 SensorFeed::SensorFeed(const Disturbance& disturbance, std::uint64_t seed, std::uint64_t stream)
-    : disturbance_(disturbance), path_(plant::seed_for(seed, stream)) {}
+    : disturbance_(disturbance), path_(simulation::seed_for(seed, stream)) {}
 
-void SensorFeed::take(const plant::Sensed& sensed) {
+void SensorFeed::take(const simulation::Sensed& sensed) {
   const MonoTime at = sensed.sample.published_at;
   path_.take(sensed, {.drop = disturbance_.dose(Trouble::sensor_dropout, at),
                       .lies = disturbance_.dose(Trouble::sensor_lies, at),
@@ -19,9 +19,9 @@ void SensorFeed::take(const plant::Sensed& sensed) {
                       .burst_since = disturbance_.begins(Trouble::sensor_burst)});
 }
 
-const plant::Sensed& SensorFeed::newest(MonoTime now) {
+const simulation::Sensed& SensorFeed::newest(MonoTime now) {
   while (auto delivered = path_.deliver(now)) newest_ = std::move(*delivered);
   return newest_;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -9,21 +9,21 @@
 #include "evidence/rollout/perturbation.hpp"
 #include "simulation/sensor_path.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 class SensorFeed {
  public:
   // `disturbance` outlives this. Feeds of different `stream` lose samples independently.
   SensorFeed(const Disturbance& disturbance, std::uint64_t seed, std::uint64_t stream);
 
-  void take(const plant::Sensed& sensed);
+  void take(const simulation::Sensed& sensed);
   // What the mailbox holds at `now`; sequence 0 before the first sample. `now` never runs backwards.
-  const plant::Sensed& newest(MonoTime now);
+  const simulation::Sensed& newest(MonoTime now);
 
  private:
   const Disturbance& disturbance_;
-  plant::SensorPath path_;
-  plant::Sensed newest_;
+  simulation::SensorPath path_;
+  simulation::Sensed newest_;
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -6,7 +6,7 @@
 
 #include "evidence/rollout/random.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 constexpr std::uint64_t kPushStream = 401;
@@ -14,7 +14,7 @@ constexpr std::uint64_t kPushStream = 401;
 }  // namespace
 
 config::Vector3 push_direction(std::uint64_t seed, std::int64_t turn) {
-  Random random(plant::seed_for(seed, kPushStream), static_cast<std::uint64_t>(turn));
+  Random random(simulation::seed_for(seed, kPushStream), static_cast<std::uint64_t>(turn));
   const config::Vector3 drawn{random.normal(), random.normal(), random.normal()};
   const double length = std::hypot(drawn[0], drawn[1], drawn[2]);
   return {drawn[0] / length, drawn[1] / length, drawn[2] / length};
@@ -23,7 +23,7 @@ config::Vector3 push_direction(std::uint64_t seed, std::int64_t turn) {
 namespace {
 
 // What is asked of a world that it cannot do; empty: nothing.
-std::string beyond(const plant::OutsideMechanics& outside, const Disturbance& disturbance) {
+std::string beyond(const simulation::OutsideMechanics& outside, const Disturbance& disturbance) {
   const std::string& world = outside.link().world();
   if (disturbance.has(Trouble::payload)) return "payload: world " + world + " has masses of its own";
   if (disturbance.has(Trouble::push) && !outside.link().gives(TAKT_WORLD_PUSH))
@@ -33,23 +33,24 @@ std::string beyond(const plant::OutsideMechanics& outside, const Disturbance& di
 
 }  // namespace
 
-TroubledDynamics::TroubledDynamics(std::unique_ptr<plant::TroubledMechanics> body, plant::OutsideMechanics* outside,
-                                   const Disturbance& disturbance, MonoTime started, std::uint64_t seed)
+TroubledDynamics::TroubledDynamics(std::unique_ptr<simulation::TroubledMechanics> body,
+                                   simulation::OutsideMechanics* outside, const Disturbance& disturbance,
+                                   MonoTime started, std::uint64_t seed)
     : body_(std::move(body)), outside_(outside), disturbance_(disturbance), now_(started), seed_(seed) {}
 
 std::expected<std::unique_ptr<TroubledDynamics>, std::string> TroubledDynamics::make(
     const config::RobotConfig& robot, const Disturbance& disturbance, MonoTime started, std::uint64_t seed,
-    std::unique_ptr<plant::OutsideMechanics> outside) {
+    std::unique_ptr<simulation::OutsideMechanics> outside) {
   if (outside) {
     if (const std::string why = beyond(*outside, disturbance); !why.empty()) return std::unexpected(why);
-    plant::OutsideMechanics* const played = outside.get();
+    simulation::OutsideMechanics* const played = outside.get();
     return std::unique_ptr<TroubledDynamics>(new TroubledDynamics(
-        plant::TroubledMechanics::around(std::move(outside), robot), played, disturbance, started, seed));
+        simulation::TroubledMechanics::around(std::move(outside), robot), played, disturbance, started, seed));
   }
   std::vector<double> payloads;
   if (disturbance.has(Trouble::payload))
     payloads.push_back(disturbance.dose(Trouble::payload, disturbance.begins(Trouble::payload)));
-  auto body = plant::TroubledMechanics::make(robot, payloads);
+  auto body = simulation::TroubledMechanics::make(robot, payloads);
   if (!body) return std::unexpected(body.error());
   for (const Trouble trouble : {Trouble::push, Trouble::payload})
     if (!(*body)->has_body(disturbance.body(trouble)))
@@ -61,18 +62,18 @@ std::expected<std::unique_ptr<TroubledDynamics>, std::string> TroubledDynamics::
 std::expected<TroubledRobot, std::string> TroubledRobot::make(const config::RobotConfig& robot,
                                                               const Disturbance& disturbance, MonoTime started,
                                                               std::uint64_t seed,
-                                                              std::unique_ptr<plant::OutsideMechanics> outside) {
+                                                              std::unique_ptr<simulation::OutsideMechanics> outside) {
   auto made = TroubledDynamics::make(robot, disturbance, started, seed, std::move(outside));
   if (!made) return std::unexpected(made.error());
   TroubledDynamics& dynamics = **made;
-  auto plant = plant::Plant::make(robot, std::move(*made));
+  auto plant = simulation::Plant::make(robot, std::move(*made));
   if (!plant) return std::unexpected(plant.error());
   if (dynamics.outside() != nullptr) plant->set_state(dynamics.outside()->begin());
   return TroubledRobot{std::move(*plant), dynamics};
 }
 
-plant::BodyTrouble TroubledDynamics::trouble_now() const {
-  plant::BodyTrouble trouble;
+simulation::BodyTrouble TroubledDynamics::trouble_now() const {
+  simulation::BodyTrouble trouble;
   const std::int64_t turn = disturbance_.turn(Trouble::push, now_);
   if (turn != 0 && now_ - disturbance_.begins(Trouble::push) - kRepeat * (turn - 1) < kPushLength) {
     trouble.towards = push_direction(seed_, turn);
@@ -85,11 +86,11 @@ plant::BodyTrouble TroubledDynamics::trouble_now() const {
   return trouble;
 }
 
-void TroubledDynamics::integrate(plant::ArmState& state, const Eigen::VectorXd& tau,
-                                 const std::vector<plant::Friction>& friction, Duration step) {
+void TroubledDynamics::integrate(simulation::ArmState& state, const Eigen::VectorXd& tau,
+                                 const std::vector<simulation::Friction>& friction, Duration step) {
   body_->set(trouble_now());
   body_->integrate(state, tau, friction, step);
   now_ = now_ + step;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

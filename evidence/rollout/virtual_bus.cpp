@@ -8,7 +8,7 @@
 #include "drivers/protocol/bus_load.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 constexpr std::uint64_t kLossStream = 101;
@@ -81,7 +81,7 @@ void VirtualBus::decode(Bus& bus, const drivers::ReceivedFrame& received) {
   ++bus.health.foreign_frames;
 }
 
-void VirtualBus::receive(plant::Plant& plant, MonoTime now, pipeline::TickInput& input) {
+void VirtualBus::receive(simulation::Plant& plant, MonoTime now, pipeline::TickInput& input) {
   for (std::size_t index = 0; index < buses_.size(); ++index) {
     Bus& bus = buses_[index];
     plant.collect(index, said_);
@@ -107,7 +107,7 @@ WireVerdict VirtualBus::guard(std::size_t joint, std::size_t bus, MonoTime now, 
                      output.record.joints[joint], frame);
 }
 
-void VirtualBus::send(plant::Plant& plant, MonoTime now, const pipeline::TickOutput& output) {
+void VirtualBus::send(simulation::Plant& plant, MonoTime now, const pipeline::TickOutput& output) {
   for (std::size_t index = 0; index < buses_.size(); ++index) {
     for (const std::size_t joint : buses_[index].joints) {
       if (!is_written(turns_[joint], output.record.header)) continue;
@@ -127,4 +127,4 @@ void VirtualBus::send(plant::Plant& plant, MonoTime now, const pipeline::TickOut
   }
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

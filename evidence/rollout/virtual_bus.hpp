@@ -20,7 +20,7 @@
 #include "executive/pipeline/control_tick.hpp"
 #include "simulation/plant.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 class VirtualBus {
  public:
@@ -30,9 +30,9 @@ class VirtualBus {
                                                      std::uint64_t seed, bool guarded = true);
 
   // Everything that has arrived by `now`, decoded into joints and buses.
-  void receive(plant::Plant& plant, MonoTime now, pipeline::TickInput& input);
+  void receive(simulation::Plant& plant, MonoTime now, pipeline::TickInput& input);
   // One setpoint per joint; the first frame starts at `now`.
-  void send(plant::Plant& plant, MonoTime now, const pipeline::TickOutput& output);
+  void send(simulation::Plant& plant, MonoTime now, const pipeline::TickOutput& output);
 
  private:
   struct OnTheWay {
@@ -66,7 +66,7 @@ class VirtualBus {
   std::vector<WireVerdict> refused_;  // per joint, the first since the last receive()
   std::vector<Turns> turns_;          // per joint
   std::vector<drivers::CanFrame> encoded_;
-  plant::Frames said_;
+  simulation::Frames said_;
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -10,7 +10,7 @@
 #include "policy_host/host_faults.hpp"
 #include "policy_host/sensor_link.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 constexpr std::uint64_t kSampleLossStream = 201, kPolicyStream = 301, kModeStream = 351;
@@ -62,7 +62,7 @@ bool VirtualPolicy::is_dead(MonoTime at) const {
 void VirtualPolicy::observe(const Observation& observation) {
   const MonoTime at = observation.published_at;
   if (is_dead(at)) return;
-  Random draw(plant::seed_for(seed_, kPolicyStream), observation.id);
+  Random draw(simulation::seed_for(seed_, kPolicyStream), observation.id);
   Duration callbacks;
   if (const std::int64_t turn = disturbance_.turn(Trouble::queue_growth, at); turn > bursts_) {
     bursts_ = turn;
@@ -162,7 +162,7 @@ void VirtualPolicy::spoil(CommandChunk& chunk, Random& draw, MonoTime at) const 
 
 void VirtualPolicy::drift(policy_host::Request& request) const {
   if (timing_.modes < 2) return;
-  Random draw(plant::seed_for(seed_, kModeStream), request.observation.id);
+  Random draw(simulation::seed_for(seed_, kModeStream), request.observation.id);
   const double side = 2.0 * static_cast<double>(draw.below(timing_.modes)) / (timing_.modes - 1) - 1;
   const std::size_t steps = robot_.policy->steps, width = request.output.size() / steps;
   for (std::size_t i = 0; i < request.output.size(); ++i) {
@@ -184,7 +184,7 @@ void VirtualPolicy::ask(const Waiting& waiting, MonoTime dequeued_at) {
   if (!policy_host::take_usable(robot_, sensors_in_use_, samples_, dequeued_at, used_).empty()) return;
   if (told_)
     for (const std::size_t sensor : sensors_in_use_) told_({sensor, samples_[sensor], images_[sensor]});
-  Random draw(plant::seed_for(seed_, kPolicyStream + 1), waiting.observation.id);
+  Random draw(simulation::seed_for(seed_, kPolicyStream + 1), waiting.observation.id);
   const MonoTime ended = end_of(started, inference_time(draw, started));
   const MonoTime published = ended + timing_.publish;
   free_at = published;
@@ -260,4 +260,4 @@ const ArrivedCommand* VirtualPolicy::read(MonoTime now) {
   return fresh ? &newest_ : nullptr;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -39,7 +39,7 @@
 #include "policy_host/policy.hpp"
 #include "policy_host/responder.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 // `modes` above 1: an answer's outputs drift from what the network says by up to `mode_spread`, further the later in
 // the chunk, half of it half way. The modes lie evenly between all that far up and all that far down; which one an
@@ -85,7 +85,7 @@ class VirtualPolicy {
 
   void observe(const Observation& observation);
   // What a sensor has published: the robot file's `sensor`-th.
-  void sense(std::size_t sensor, const plant::Sensed& sensed) { feeds_[sensor].take(sensed); }
+  void sense(std::size_t sensor, const simulation::Sensed& sensed) { feeds_[sensor].take(sensed); }
   // Called for each sample that the policy is shown.
   void on_shown(std::function<void(const ShownSample&)> told) { told_ = std::move(told); }
   // Does everything that the host does up to `now`.
@@ -148,4 +148,4 @@ class VirtualPolicy {
   bool crashed_ = false, restarted_ = false;
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-namespace takt::panel {
+namespace takt::evidence {
 namespace {
 
 constexpr std::uint64_t kWakeStream = 601, kPhaseStream = 602;
@@ -39,4 +39,4 @@ MonoTime WakeUps::after(MonoTime due) {
   return free + Duration{std::llround(usual + (preempted ? dose_ms * 1e6 : 0))};
 }
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -15,7 +15,7 @@
 #include "evidence/rollout/perturbation.hpp"
 #include "evidence/rollout/random.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 // How far into the window the first stop of cpu_hog and rt_throttling is, as a share of the interval between two.
 double stop_phase(std::uint64_t seed);
@@ -37,4 +37,4 @@ class WakeUps {
   double phase_;
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -12,7 +12,7 @@
 #include "simulation/outside_mechanics.hpp"
 #include "simulation/plant.hpp"
 
-namespace takt::panel {
+namespace takt::evidence {
 
 // Some joint is outside its position limits, at `q`: rad, in the robot file's order.
 inline bool is_beyond_limits(const config::RobotConfig& robot, const Eigen::VectorXd& q) {
@@ -32,7 +32,7 @@ class World {
   World& operator=(const World&) = delete;
   virtual ~World() = default;
 
-  virtual plant::Plant& plant() = 0;
+  virtual simulation::Plant& plant() = 0;
   // Which of the robot file's sensors sample() is of, by name; empty: none.
   [[nodiscard]] virtual std::string sensor() const = 0;
   // That sensor's newest sample that is ready at `now` and was not returned before.
@@ -49,14 +49,14 @@ class World {
   // Beyond help: a fallen pole or robot. The task has failed, whatever follows.
   [[nodiscard]] virtual bool is_lost() const { return false; }
   // The process that plays the mechanics has ended, or says that the task is done: nothing follows. Null: it has not.
-  [[nodiscard]] const plant::WorldEnd* ended() const {
-    const plant::OutsideMechanics* const played = outside();
+  [[nodiscard]] const simulation::WorldEnd* ended() const {
+    const simulation::OutsideMechanics* const played = outside();
     return played != nullptr && played->end() ? &*played->end() : nullptr;
   }
   // Null: no other process plays the mechanics.
-  [[nodiscard]] virtual plant::OutsideMechanics* outside() const = 0;
+  [[nodiscard]] virtual simulation::OutsideMechanics* outside() const = 0;
   // Where nothing that follows a loss is worth its computing time: how much of it is still looked at.
   [[nodiscard]] virtual std::optional<Duration> ends_after_loss() const { return std::nullopt; }
 };
 
-}  // namespace takt::panel
+}  // namespace takt::evidence

@@ -14,7 +14,7 @@
 #include "executive/incident/log_hint.hpp"
 #include "executive/pipeline/mode_machine.hpp"
 
-namespace takt {
+namespace takt::incident {
 namespace {
 
 constexpr std::uint64_t kSilentTicks = 3;                  // a reply may come a tick late
@@ -414,4 +414,4 @@ std::optional<Incident> IncidentWatch::tick(const TickRecord& record) {
   return latest_;
 }
 
-}  // namespace takt
+}  // namespace takt::incident

@@ -18,7 +18,7 @@
 #include "config/robot_config.hpp"
 #include "executive/contract/tick_record.hpp"
 
-namespace takt {
+namespace takt::incident {
 
 struct IncidentLink {
   std::uint64_t tick = 0;
@@ -102,4 +102,4 @@ class IncidentWatch {
   bool stands_ = false;
 };
 
-}  // namespace takt
+}  // namespace takt::incident

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-namespace takt {
+namespace takt::incident {
 
 inline constexpr std::string_view kPolicyLogHint =
     "the policy host's log says whether a sensor, the policy or the way between failed";
@@ -18,4 +18,4 @@ inline std::string with_known_reason(std::string sentence, std::string_view prob
   return sentence;
 }
 
-}  // namespace takt
+}  // namespace takt::incident

@@ -26,7 +26,7 @@ std::string growth(const std::uint64_t (&now)[N], const std::uint64_t (&before)[
 
 }  // namespace
 
-void Journal::transition(const TickRecord& record, const std::optional<Incident>& incident) {
+void Journal::transition(const TickRecord& record, const std::optional<incident::Incident>& incident) {
   const TickRecordHeader& tick = record.header;
   const bool expected = tick.cause == Cause::operator_arm || tick.cause == Cause::drives_enabled ||
                         tick.cause == Cause::operator_reset || tick.cause == Cause::contract_restored;

@@ -17,7 +17,7 @@ namespace takt::runtime {
 class Journal {
  public:
   // `incident`: that the transition is, if it is one.
-  static void transition(const TickRecord& record, const std::optional<Incident>& incident);
+  static void transition(const TickRecord& record, const std::optional<incident::Incident>& incident);
   // A change of policy that was asked for, came, or did not.
   static void policy_change(const TickRecord& record);
   // A joint that reads elsewhere after a silence of its drive.

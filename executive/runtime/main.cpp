@@ -92,7 +92,7 @@ int run(const Options& options) {
   }
   const std::string directory = program::runtime_directory_of(options, *robot);
   const auto tick_config =
-      std::make_unique<pipeline::TickConfig>(config::tick_config_of(*robot, policy_hash, fallback_hash));
+      std::make_unique<pipeline::TickConfig>(setup::tick_config_of(*robot, policy_hash, fallback_hash));
 
   block_shutdown_signals();
   ProcessSetup process = prepare_process(robot->control);
@@ -103,7 +103,7 @@ int run(const Options& options) {
   OperatorInbox requests;
   RecordedThrough recorded;
   StatusBoard board;
-  IncidentWatch incidents(*robot);
+  incident::IncidentWatch incidents(*robot);
   TickFollower follower(published->tick_reader(), *tick_config, [&](const TickRecord& record) {
     Journal::transition(record, incidents.stands() ? incidents.latest() : std::nullopt);
   });

@@ -209,9 +209,9 @@ StatusSnapshot Reception::status() {
 
 IncidentNote Reception::incident() const {
   IncidentNote note;
-  const IncidentWatch* const incidents = parts_.follower.incidents();
+  const incident::IncidentWatch* const incidents = parts_.follower.incidents();
   if (incidents == nullptr || !incidents->latest()) return note;
-  const std::optional<Incident>& incident = incidents->latest();
+  const std::optional<incident::Incident>& incident = incidents->latest();
   note.tick = incident->tick;
   note.at = incident->at;
   note.first_tick = incident->chain.front().tick;
@@ -221,7 +221,8 @@ IncidentNote Reception::incident() const {
   note.asked = incident->asked ? 1 : 0;
   note.stands = incidents->stands() ? 1 : 0;
   incident->where.copy(note.where, sizeof note.where - 1);
-  with_known_reason(incident->sentence, words_.problem(Role::policy)).copy(note.sentence, sizeof note.sentence - 1);
+  incident::with_known_reason(incident->sentence, words_.problem(Role::policy))
+      .copy(note.sentence, sizeof note.sentence - 1);
   return note;
 }
 

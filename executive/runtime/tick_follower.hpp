@@ -32,9 +32,9 @@ class TickFollower {
   void on_moved_unheard(OnJoint called) { on_moved_unheard_ = std::move(called); }
 
   // Stops and faults, and what waits on the buses, are followed with these from now on; they outlive the follower.
-  void tell(IncidentWatch& incidents) { incidents_ = &incidents; }
+  void tell(incident::IncidentWatch& incidents) { incidents_ = &incidents; }
   void tell(QueueWatch& queues) { queues_ = &queues; }
-  [[nodiscard]] const IncidentWatch* incidents() const { return incidents_; }  // null: told to none
+  [[nodiscard]] const incident::IncidentWatch* incidents() const { return incidents_; }  // null: told to none
   // Reads everything published so far.
   void catch_up();
   // All zero before the first tick.
@@ -63,7 +63,7 @@ class TickFollower {
   OnTransition on_policy_change_;
   OnJoint on_moved_unheard_;
   JointMask moved_unheard_ = 0;
-  IncidentWatch* incidents_ = nullptr;
+  incident::IncidentWatch* incidents_ = nullptr;
   QueueWatch* queues_ = nullptr;
   BusShares buses_;
   TickRecord latest_{};

@@ -4,9 +4,9 @@
 #include "executive/pipeline/gravity_model.hpp"
 #include "executive/setup/tick_config_of.hpp"
 
-namespace takt::config {
+namespace takt::setup {
 
-HoldingTorques::HoldingTorques(const RobotConfig& robot) {
+HoldingTorques::HoldingTorques(const config::RobotConfig& robot) {
   const auto config = std::make_unique<pipeline::TickConfig>(tick_config_of(robot, 0));
   model_ = std::make_unique<pipeline::GravityModel>(*config);
 }
@@ -20,4 +20,4 @@ std::vector<double> HoldingTorques::at(std::span<const double> q) const {
   return {torques.begin(), torques.end()};
 }
 
-}  // namespace takt::config
+}  // namespace takt::setup

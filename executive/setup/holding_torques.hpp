@@ -12,12 +12,12 @@ namespace takt::pipeline {
 class GravityModel;
 }
 
-namespace takt::config {
+namespace takt::setup {
 
 class HoldingTorques {
  public:
   // Precondition: the robot has a model.
-  explicit HoldingTorques(const RobotConfig& robot);
+  explicit HoldingTorques(const config::RobotConfig& robot);
   ~HoldingTorques();
   HoldingTorques(const HoldingTorques&) = delete;
   HoldingTorques& operator=(const HoldingTorques&) = delete;
@@ -29,4 +29,4 @@ class HoldingTorques {
   std::unique_ptr<pipeline::GravityModel> model_;
 };
 
-}  // namespace takt::config
+}  // namespace takt::setup

@@ -11,21 +11,21 @@
 #include "config/turns.hpp"
 #include "executive/pipeline/mode_machine.hpp"
 
-namespace takt::config {
+namespace takt::setup {
 namespace {
 
-static_assert(kMaxWindowTicks == pipeline::kMaxWindowTicks);
+static_assert(config::kMaxWindowTicks == pipeline::kMaxWindowTicks);
 
 float narrow(double value) {
   return static_cast<float>(value);
 }
 
-std::array<float, 3> narrow(const Vector3& v) {
+std::array<float, 3> narrow(const config::Vector3& v) {
   return {narrow(v[0]), narrow(v[1]), narrow(v[2])};
 }
 
 // Fixed-axis roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll), row-major.
-std::array<float, 9> rotation_of(const Vector3& rpy) {
+std::array<float, 9> rotation_of(const config::Vector3& rpy) {
   const double cr = std::cos(rpy[0]), sr = std::sin(rpy[0]);
   const double cp = std::cos(rpy[1]), sp = std::sin(rpy[1]);
   const double cy = std::cos(rpy[2]), sy = std::sin(rpy[2]);
@@ -40,19 +40,20 @@ std::array<float, 9> rotation_of(const Vector3& rpy) {
           narrow(cp * cr)};
 }
 
-pipeline::LoopAt loop_of(const Drive& drive) {
-  switch (loop_closed_by(drive)) {
-    case LoopClosedBy::drive:
-      return drive.protocol == DriveProtocol::cia402 ? pipeline::LoopAt::drive_position : pipeline::LoopAt::drive;
-    case LoopClosedBy::host_torque:
+pipeline::LoopAt loop_of(const config::Drive& drive) {
+  switch (config::loop_closed_by(drive)) {
+    case config::LoopClosedBy::drive:
+      return drive.protocol == config::DriveProtocol::cia402 ? pipeline::LoopAt::drive_position
+                                                             : pipeline::LoopAt::drive;
+    case config::LoopClosedBy::host_torque:
       return pipeline::LoopAt::host_torque;
-    case LoopClosedBy::host_velocity:
+    case config::LoopClosedBy::host_velocity:
       return pipeline::LoopAt::host_velocity;
   }
   return pipeline::LoopAt::host_torque;
 }
 
-pipeline::JointConfig joint_of(const Joint& from) {
+pipeline::JointConfig joint_of(const config::Joint& from) {
   pipeline::JointConfig to;
   to.limits = {.q_min = narrow(from.limits.q_min),
                .q_max = narrow(from.limits.q_max),
@@ -65,7 +66,7 @@ pipeline::JointConfig joint_of(const Joint& from) {
                .q_hard_margin = narrow(from.limits.position_margin),
                .velocity_hard = narrow(from.limits.velocity_hard),
                .target_margin = narrow(from.limits.target_margin),
-               .per_rad = narrow(per_rad(from))};
+               .per_rad = narrow(config::per_rad(from))};
   if (const auto& limits = from.limits.temperature)
     to.temperature = {narrow(limits->warning), narrow(limits->stop), narrow(limits->casing_warning),
                       narrow(limits->casing_stop)};
@@ -84,20 +85,20 @@ pipeline::JointConfig joint_of(const Joint& from) {
   return to;
 }
 
-pipeline::LinkModel link_of(const Link& from, const Joint& joint) {
+pipeline::LinkModel link_of(const config::Link& from, const config::Joint& joint) {
   const double length = std::hypot(from.axis[0], from.axis[1], from.axis[2]);
-  const Vector3 unit_axis{from.axis[0] / length, from.axis[1] / length, from.axis[2] / length};
+  const config::Vector3 unit_axis{from.axis[0] / length, from.axis[1] / length, from.axis[2] / length};
   return {.parent = from.parent,
           .origin_xyz = narrow(from.origin_xyz),
           .origin_rotation = rotation_of(from.origin_rpy),
           .axis = narrow(unit_axis),
-          .slides = joint.kind == JointKind::slide,
+          .slides = joint.kind == config::JointKind::slide,
           .farthest = narrow(std::max(std::abs(joint.limits.q_min), std::abs(joint.limits.q_max))),
           .mass = narrow(from.mass),
           .com = narrow(from.com)};
 }
 
-pipeline::FreshnessContract contract_of(const Freshness& from, Duration degrade_after, Duration period) {
+pipeline::FreshnessContract contract_of(const config::Freshness& from, Duration degrade_after, Duration period) {
   return {.max_age = from.max_age,
           .aging_fraction = narrow(from.aging_fraction),
           .epsilon = from.epsilon,
@@ -109,7 +110,7 @@ pipeline::FreshnessContract contract_of(const Freshness& from, Duration degrade_
           .bad_command_limit = from.bad_command_limit};
 }
 
-pipeline::BusFaultLimits bus_faults_of(const BusFaults& from, Duration period) {
+pipeline::BusFaultLimits bus_faults_of(const config::BusFaults& from, Duration period) {
   using pipeline::share_of_ticks;
   return {.window_ticks = static_cast<std::uint32_t>(
               std::min<std::int64_t>(from.window.ns / period.ns, pipeline::kMaxBusFaultTicks)),
@@ -123,76 +124,76 @@ pipeline::BusFaultLimits bus_faults_of(const BusFaults& from, Duration period) {
           .error_passive = share_of_ticks(from.error_passive)};
 }
 
-pipeline::DegradedBehaviour behaviour_of(Degraded behaviour) {
+pipeline::DegradedBehaviour behaviour_of(config::Degraded behaviour) {
   switch (behaviour) {
-    case Degraded::hold:
+    case config::Degraded::hold:
       return pipeline::DegradedBehaviour::hold;
-    case Degraded::slow:
+    case config::Degraded::slow:
       return pipeline::DegradedBehaviour::slow;
-    case Degraded::fallback:
+    case config::Degraded::fallback:
       return pipeline::DegradedBehaviour::fallback;
   }
   return pipeline::DegradedBehaviour::hold;
 }
 
-pipeline::FollowingReaction following_of(Following following) {
+pipeline::FollowingReaction following_of(config::Following following) {
   switch (following) {
-    case Following::warn:
+    case config::Following::warn:
       return pipeline::FollowingReaction::warn;
-    case Following::degrade:
+    case config::Following::degrade:
       return pipeline::FollowingReaction::degrade;
-    case Following::stop:
+    case config::Following::stop:
       return pipeline::FollowingReaction::stop;
   }
   return pipeline::FollowingReaction::stop;
 }
 
-pipeline::Interpolation interpolation_of(Interpolation interpolation) {
+pipeline::Interpolation interpolation_of(config::Interpolation interpolation) {
   switch (interpolation) {
-    case Interpolation::hold:
+    case config::Interpolation::hold:
       return pipeline::Interpolation::hold;
-    case Interpolation::linear:
+    case config::Interpolation::linear:
       return pipeline::Interpolation::linear;
-    case Interpolation::cubic:
+    case config::Interpolation::cubic:
       return pipeline::Interpolation::cubic;
   }
   return pipeline::Interpolation::linear;
 }
 
-pipeline::JoinKind kind_of(JoinKind kind) {
+pipeline::JoinKind kind_of(config::JoinKind kind) {
   switch (kind) {
-    case JoinKind::cross_fade:
+    case config::JoinKind::cross_fade:
       return pipeline::JoinKind::cross_fade;
-    case JoinKind::replace:
-    case JoinKind::blend:  // what comes was mixed by its host (policy_host/chunk_mixer.hpp)
-    case JoinKind::ensemble:
-    case JoinKind::align:
-    case JoinKind::quintic:
+    case config::JoinKind::replace:
+    case config::JoinKind::blend:  // what comes was mixed by its host (policy_host/chunk_mixer.hpp)
+    case config::JoinKind::ensemble:
+    case config::JoinKind::align:
+    case config::JoinKind::quintic:
       return pipeline::JoinKind::replace;
-    case JoinKind::prefix:
+    case config::JoinKind::prefix:
       return pipeline::JoinKind::prefix;
   }
   return pipeline::JoinKind::replace;
 }
 
-pipeline::JoinRule join_of(const Join& from) {
+pipeline::JoinRule join_of(const config::Join& from) {
   return {.kind = kind_of(from.kind), .over = from.over, .longest_delay = from.longest};
 }
 
-pipeline::FallbackKind kind_of(FallbackKind kind) {
+pipeline::FallbackKind kind_of(config::FallbackKind kind) {
   switch (kind) {
-    case FallbackKind::pose:
+    case config::FallbackKind::pose:
       return pipeline::FallbackKind::pose;
-    case FallbackKind::state_feedback:
+    case config::FallbackKind::state_feedback:
       return pipeline::FallbackKind::state_feedback;
-    case FallbackKind::policy:
+    case config::FallbackKind::policy:
       return pipeline::FallbackKind::policy;
   }
   return pipeline::FallbackKind::pose;
 }
 
-pipeline::ImuConfig imu_of(const RobotConfig& robot) {
-  const auto sensor = std::ranges::find(robot.sensors, robot.imu->sensor, &Sensor::name);
+pipeline::ImuConfig imu_of(const config::RobotConfig& robot) {
+  const auto sensor = std::ranges::find(robot.sensors, robot.imu->sensor, &config::Sensor::name);
   return {.present = true,
           .timeout = sensor->timeout,
           .frozen_after = robot.imu->frozen_after,
@@ -201,15 +202,15 @@ pipeline::ImuConfig imu_of(const RobotConfig& robot) {
           .angular_velocity = narrow(robot.imu->angular_velocity)};
 }
 
-pipeline::StopManner manner_of(StopHow how) {
+pipeline::StopManner manner_of(config::StopHow how) {
   switch (how) {
-    case StopHow::rest:
+    case config::StopHow::rest:
       return pipeline::StopManner::rest;
-    case StopHow::damping:
+    case config::StopHow::damping:
       return pipeline::StopManner::damping;
-    case StopHow::hold:
+    case config::StopHow::hold:
       return pipeline::StopManner::hold;
-    case StopHow::policy:
+    case config::StopHow::policy:
       return pipeline::StopManner::policy;
   }
   return pipeline::StopManner::rest;
@@ -217,34 +218,34 @@ pipeline::StopManner manner_of(StopHow how) {
 
 // The causes a robot file may name are those of the table.
 static_assert(std::ranges::all_of(pipeline::kReactions, [](const pipeline::Reaction& row) {
-  return pipeline::may_damp(row) == (std::ranges::find(kStopCauses, row.cause) != kStopCauses.end());
+  return pipeline::may_damp(row) == (std::ranges::find(config::kStopCauses, row.cause) != config::kStopCauses.end());
 }));
 
-static_assert(std::ranges::all_of(kPolicyStopCauses, [](Cause cause) {
+static_assert(std::ranges::all_of(config::kPolicyStopCauses, [](Cause cause) {
   return pipeline::may_damp(pipeline::reaction(cause)) &&
          pipeline::reaction(cause).severity <= pipeline::reaction(Cause::operator_stop).severity;
 }));
 
-void set_stops(const RobotConfig& robot, pipeline::TickConfig& tick) {
-  for (const StopConfig& stop : robot.stops)
-    tick.stops[static_cast<std::size_t>(stop_cause_named(stop.name))] = {manner_of(stop.how), stop.longest};
+void set_stops(const config::RobotConfig& robot, pipeline::TickConfig& tick) {
+  for (const config::StopConfig& stop : robot.stops)
+    tick.stops[static_cast<std::size_t>(config::stop_cause_named(stop.name))] = {manner_of(stop.how), stop.longest};
 }
 
-void set_fallback(const RobotConfig& robot, std::uint64_t fallback_hash, pipeline::TickConfig& tick) {
-  const auto chosen = std::ranges::find(robot.fallbacks, robot.degraded.fallback, &Fallback::name);
+void set_fallback(const config::RobotConfig& robot, std::uint64_t fallback_hash, pipeline::TickConfig& tick) {
+  const auto chosen = std::ranges::find(robot.fallbacks, robot.degraded.fallback, &config::Fallback::name);
   if (chosen == robot.fallbacks.end()) return;
   tick.fallback = kind_of(chosen->kind);
-  if (const Fallback* policy = fallback_policy_of(robot)) {
-    tick.fallback_policy = {fallback_hash, reads_sensors(*seen_by_fallback(robot, *policy).policy)};
+  if (const config::Fallback* policy = config::fallback_policy_of(robot)) {
+    tick.fallback_policy = {fallback_hash, config::reads_sensors(*seen_by_fallback(robot, *policy).policy)};
     tick.fallback_longest = policy->longest;
   }
-  if (chosen->kind == FallbackKind::policy) return;
+  if (chosen->kind == config::FallbackKind::policy) return;
   for (std::size_t j = 0; j < robot.joints.size(); ++j) {
     tick.joints[j].fallback_pose = narrow(chosen->pose[j]);
     tick.joints[j].fallback_speed =
-        narrow(robot.joints[j].kind == JointKind::slide ? chosen->slide_speed : chosen->speed);
+        narrow(robot.joints[j].kind == config::JointKind::slide ? chosen->slide_speed : chosen->speed);
   }
-  for (const FeedbackRow& row : chosen->gains) {
+  for (const config::FeedbackRow& row : chosen->gains) {
     for (std::size_t k = 0; k < robot.joints.size(); ++k)
       tick.feedback_gains[row.joint][k] = {narrow(row.position[k]), narrow(row.velocity[k])};
   }
@@ -252,15 +253,16 @@ void set_fallback(const RobotConfig& robot, std::uint64_t fallback_hash, pipelin
 
 }  // namespace
 
-void set_loop(const Drive& drive, pipeline::JointConfig& joint) {
+void set_loop(const config::Drive& drive, pipeline::JointConfig& joint) {
   joint.loop = loop_of(drive);
-  joint.tells_velocity = drive.protocol != DriveProtocol::cia402;
-  if (drive.protocol != DriveProtocol::moteus) return;
+  joint.tells_velocity = drive.protocol != config::DriveProtocol::cia402;
+  if (drive.protocol != config::DriveProtocol::moteus) return;
   const double square = drive.gear_ratio * drive.gear_ratio;
   joint.drive_gains = {.kp = narrow(drive.servo_kp * square), .kd = narrow(drive.servo_kd * square)};
 }
 
-pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t policy_hash, std::uint64_t fallback_hash) {
+pipeline::TickConfig tick_config_of(const config::RobotConfig& robot, std::uint64_t policy_hash,
+                                    std::uint64_t fallback_hash) {
   pipeline::TickConfig tick;
   tick.period = robot.control.period;
   tick.joint_count = static_cast<std::uint32_t>(robot.joints.size());
@@ -270,10 +272,10 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
     tick.interpolation = interpolation_of(robot.policy->action.interpolation);
     tick.join = join_of(robot.policy->action.join);
     tick.probation = robot.policy->probation;
-    tick.policy.needs_outside_stamp = reads_sensors(*robot.policy);
+    tick.policy.needs_outside_stamp = config::reads_sensors(*robot.policy);
   }
   tick.policy.hash = policy_hash;
-  tick.largest_command = static_cast<std::uint32_t>(largest_command_of(robot));
+  tick.largest_command = static_cast<std::uint32_t>(config::largest_command_of(robot));
   tick.clamped_share = robot.freshness.clamped_share;
   tick.freshness = contract_of(robot.freshness, robot.degraded.after, robot.control.period);
   tick.degraded = behaviour_of(robot.degraded.behaviour);
@@ -287,12 +289,13 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   tick.following = {robot.feedback.following_timeout, following_of(robot.feedback.following)};
   tick.bus_faults = bus_faults_of(robot.bus_faults, robot.control.period);
   tick.late_share = robot.control.late_share;
-  tick.unrecorded_limit = robot.record.recorder == Recorder::required ? pipeline::kLongestUnrecorded : 0;
+  tick.unrecorded_limit = robot.record.recorder == config::Recorder::required ? pipeline::kLongestUnrecorded : 0;
   tick.rest_velocity = narrow(robot.feedback.rest_velocity);
   tick.has_torque_output = robot.safe_torque_off.has_value();
-  tick.joint_fault_takes_torque = robot.safe_torque_off && robot.safe_torque_off->on_joint_fault == OnJointFault::drop;
+  tick.joint_fault_takes_torque =
+      robot.safe_torque_off && robot.safe_torque_off->on_joint_fault == config::OnJointFault::drop;
   for (std::size_t j = 0; j < robot.joints.size(); ++j) tick.joints[j] = joint_of(robot.joints[j]);
-  const std::vector<Turns> turns = turns_of(robot);
+  const std::vector<Turns> turns = config::turns_of(robot);
   for (std::size_t j = 0; j < robot.joints.size(); ++j) tick.joints[j].turns = turns[j];
   set_fallback(robot, fallback_hash, tick);
   set_stops(robot, tick);
@@ -307,4 +310,4 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   return tick;
 }
 
-}  // namespace takt::config
+}  // namespace takt::setup

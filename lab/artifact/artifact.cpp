@@ -16,7 +16,7 @@
 #include "monitor/record/run_manifest.hpp"
 #include "monitor/record/strict_json.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr std::size_t kIdDigits = 12;
@@ -25,8 +25,8 @@ constexpr std::array<std::string_view, 1> kEarlierSchemas{
     "d458d1ff4aa9854b6d3dcda5edb248bd138b25fcd8a8512b58f172fedf35a955"};
 
 // Rows of `text`, which ends with a line end.
-std::expected<std::vector<RolloutRow>, std::string> rows_of(std::string_view text) {
-  std::vector<RolloutRow> rows;
+std::expected<std::vector<evidence::RolloutRow>, std::string> rows_of(std::string_view text) {
+  std::vector<evidence::RolloutRow> rows;
   while (!text.empty()) {
     const std::size_t end = text.find('\n');
     const std::size_t number = rows.size() + 1;
@@ -43,13 +43,13 @@ std::expected<std::vector<RolloutRow>, std::string> rows_of(std::string_view tex
   return rows;
 }
 
-std::string first_misfit(std::span<const RolloutRow> rows, const ArtifactManifest& manifest) {
+std::string first_misfit(std::span<const evidence::RolloutRow> rows, const ArtifactManifest& manifest) {
   std::map<std::string, std::size_t> seen, hashes;
   for (std::size_t index = 0; index < rows.size(); ++index) {
     if (std::string reason = misfit(rows[index], manifest); !reason.empty()) {
       return fmt::format("row {} {}", index + 1, reason);
     }
-    const auto [first, is_new] = seen.emplace(rollout_id(rows[index]), index + 1);
+    const auto [first, is_new] = seen.emplace(evidence::rollout_id(rows[index]), index + 1);
     if (!is_new)
       return fmt::format("row {} is rollout {}, which row {} is already", index + 1, first->first, first->second);
     if (rows[index].replay_hash.empty()) continue;
@@ -64,7 +64,7 @@ std::string first_misfit(std::span<const RolloutRow> rows, const ArtifactManifes
 
 // Of the whole; empty: it is what it says.
 std::string unfinished_or_changed(const ArtifactFolder& folder, const ArtifactManifest& manifest,
-                                  std::span<const RolloutRow> rows) {
+                                  std::span<const evidence::RolloutRow> rows) {
   std::error_code error;
   if (!manifest.complete) {
     if (std::filesystem::exists(folder.seal(), error))
@@ -81,8 +81,8 @@ std::string unfinished_or_changed(const ArtifactFolder& folder, const ArtifactMa
 
 }  // namespace
 
-std::string ArtifactFolder::post_mortem(const RolloutRow& row) const {
-  return fmt::format("{}/{}.md", post_mortems(), rollout_id(row));
+std::string ArtifactFolder::post_mortem(const evidence::RolloutRow& row) const {
+  return fmt::format("{}/{}.md", post_mortems(), evidence::rollout_id(row));
 }
 
 std::expected<ArtifactManifest, std::string> ArtifactFolder::read_manifest() const {
@@ -140,13 +140,13 @@ std::expected<Artifact, std::string> open_finished_artifact(const std::string& p
   return artifact;
 }
 
-std::string confusion_file_text(const std::string& artifact_id, std::span<const RolloutRow> rows) {
+std::string confusion_file_text(const std::string& artifact_id, std::span<const evidence::RolloutRow> rows) {
   return confusion_json(confusions_of(rows), artifact_id).dump(2) + "\n";
 }
 
-std::string artifact_id_of(const ArtifactManifest& manifest, std::span<const RolloutRow> rows) {
+std::string artifact_id_of(const ArtifactManifest& manifest, std::span<const evidence::RolloutRow> rows) {
   std::vector<std::string> lines;
-  for (const RolloutRow& row : rows) lines.push_back(row_text(row, HostFields::left_out).value_or("") + "\n");
+  for (const evidence::RolloutRow& row : rows) lines.push_back(row_text(row, HostFields::left_out).value_or("") + "\n");
   std::ranges::sort(lines);
   // What the rows do not say of themselves: by what a miss is one, and over which seeds they were to be.
   std::string text = fmt::format("{}\n{}\n{}\n", manifest.panel_sha256,
@@ -160,4 +160,4 @@ std::string artifact_id_of(const ArtifactManifest& manifest, std::span<const Rol
   return fmt::format("{}-{}", manifest.panel, config::sha256_hex(text).substr(0, kIdDigits));
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

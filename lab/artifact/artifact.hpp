@@ -26,7 +26,7 @@
 #include "evidence/rollout/rollout_row.hpp"
 #include "lab/artifact/artifact_manifest.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 class ArtifactFolder {
  public:
@@ -47,7 +47,7 @@ class ArtifactFolder {
   [[nodiscard]] std::string registration() const { return path_ + "/" + kRegistration; }
   [[nodiscard]] std::string registration_stamp() const { return path_ + "/" + kRegistrationStamp; }
   [[nodiscard]] std::string post_mortems() const { return path_ + "/postmortems"; }
-  [[nodiscard]] std::string post_mortem(const RolloutRow& row) const;
+  [[nodiscard]] std::string post_mortem(const evidence::RolloutRow& row) const;
 
   [[nodiscard]] std::expected<ArtifactManifest, std::string> read_manifest() const;
   [[nodiscard]] std::expected<void, std::string> write_manifest(const ArtifactManifest& manifest) const;
@@ -59,7 +59,7 @@ class ArtifactFolder {
 struct Artifact {
   ArtifactFolder folder;
   ArtifactManifest manifest;
-  std::vector<RolloutRow> rows;
+  std::vector<evidence::RolloutRow> rows;
 };
 
 // Reads an artifact, finished or not. Refuses rows that do not fit the manifest or that were not written as they are
@@ -73,10 +73,10 @@ std::expected<Artifact, std::string> open_finished_artifact(const std::string& p
 // "smoke-3f9a2c41d07b": panel, and the first digits of the SHA-256 over panel hash, timing, seed plan, the methods'
 // freshness contracts, and all rows without host fields, in whatever order. The same rollouts give the same id on any
 // machine, and merged from any shards.
-std::string artifact_id_of(const ArtifactManifest& manifest, std::span<const RolloutRow> rows);
+std::string artifact_id_of(const ArtifactManifest& manifest, std::span<const evidence::RolloutRow> rows);
 
 // What confusion.json holds (confusion.hpp), a function of the rows and the id.
-std::string confusion_file_text(const std::string& artifact_id, std::span<const RolloutRow> rows);
+std::string confusion_file_text(const std::string& artifact_id, std::span<const evidence::RolloutRow> rows);
 
 struct DescriptorCloser {
   void operator()(const int* fd) const;
@@ -96,12 +96,12 @@ class ArtifactWriter {
   static std::expected<ArtifactWriter, std::string> resume(const std::string& path, const ArtifactManifest& manifest);
 
   // Rows already there, and whether a rollout is among them: what a resumed panel need not run again.
-  [[nodiscard]] const std::vector<RolloutRow>& rows() const { return artifact_.rows; }
-  [[nodiscard]] bool has(const RolloutRow& row) const { return ids_.contains(rollout_id(row)); }
+  [[nodiscard]] const std::vector<evidence::RolloutRow>& rows() const { return artifact_.rows; }
+  [[nodiscard]] bool has(const evidence::RolloutRow& row) const { return ids_.contains(evidence::rollout_id(row)); }
   [[nodiscard]] const ArtifactFolder& folder() const { return artifact_.folder; }
 
   // The row is on the medium when this returns.
-  std::expected<void, std::string> append(const RolloutRow& row);
+  std::expected<void, std::string> append(const evidence::RolloutRow& row);
   // Success was decided after so many seeds of the plan (`manifest.until_decided`): they are the plan from now on, and
   // their rows the planned ones.
   void end_plan_after(std::uint64_t seeds);
@@ -120,4 +120,4 @@ class ArtifactWriter {
   std::string last_seal_;          // empty: no row yet
 };
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -15,7 +15,7 @@
 #include "monitor/record/json_error.hpp"
 #include "monitor/record/run_manifest.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -261,7 +261,7 @@ std::string difference_between(const ArtifactManifest& a, const ArtifactManifest
   return {};
 }
 
-std::string misfit(const RolloutRow& row, const ArtifactManifest& manifest) {
+std::string misfit(const evidence::RolloutRow& row, const ArtifactManifest& manifest) {
   if (row.panel != manifest.panel || row.panel_sha256 != manifest.panel_sha256) return "comes from another panel";
   if (row.script_version != manifest.script_version || row.script_source_sha256 != manifest.script_source_sha256) {
     return "comes from another script";
@@ -290,4 +290,4 @@ std::string misfit(const RolloutRow& row, const ArtifactManifest& manifest) {
   return {};
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -14,7 +14,7 @@
 
 #include "evidence/rollout/rollout_row.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 // How the rollouts' time passed: computed, or lived through by real processes; in the latter case with the real-time
 // guarantees of the executive's set-up, or knowingly without (`--allow-non-realtime`).
@@ -110,6 +110,6 @@ std::expected<ArtifactManifest, std::string> artifact_manifest_of(const nlohmann
 std::string difference_between(const ArtifactManifest& a, const ArtifactManifest& b, const std::string& name_a = "A",
                                const std::string& name_b = "B");
 // Why the row cannot belong to the artifact; empty: it can.
-std::string misfit(const RolloutRow& row, const ArtifactManifest& manifest);
+std::string misfit(const evidence::RolloutRow& row, const ArtifactManifest& manifest);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

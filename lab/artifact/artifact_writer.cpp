@@ -21,7 +21,7 @@
 #include "monitor/record/bounded_file.hpp"
 #include "monitor/record/run_manifest.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 std::int64_t unix_now_ns() {
@@ -121,7 +121,7 @@ ArtifactWriter::ArtifactWriter(Artifact artifact, Descriptor rows, Descriptor se
       seals_fd_(std::move(seals)),
       lock_(std::move(lock)),
       last_seal_(std::move(last_seal)) {
-  for (const RolloutRow& row : artifact_.rows) ids_.insert(rollout_id(row));
+  for (const evidence::RolloutRow& row : artifact_.rows) ids_.insert(evidence::rollout_id(row));
 }
 
 std::expected<ArtifactWriter, std::string> ArtifactWriter::create(const std::string& path, ArtifactManifest manifest,
@@ -188,19 +188,20 @@ std::expected<ArtifactWriter, std::string> ArtifactWriter::open_writer(Artifact 
                         std::move(last_seal));
 }
 
-std::expected<void, std::string> ArtifactWriter::append(const RolloutRow& row) {
+std::expected<void, std::string> ArtifactWriter::append(const evidence::RolloutRow& row) {
   const std::size_t number = artifact_.rows.size() + 1;
   auto text = row_text(row);
   std::string reason = text ? misfit(row, artifact_.manifest) : text.error();
   if (!reason.empty()) return std::unexpected(fmt::format("row {}{} {}", number, text ? "" : ":", reason));
   if (has(row))
-    return std::unexpected(fmt::format("row {} is rollout {}, which is there already", number, rollout_id(row)));
+    return std::unexpected(
+        fmt::format("row {} is rollout {}, which is there already", number, evidence::rollout_id(row)));
   *text += '\n';
   last_seal_ = row_seal(last_seal_, *text);
   auto done = append_line(*rows_fd_, folder().rows(), *text);
   if (done) done = append_line(*seals_fd_, folder().row_seals(), last_seal_ + "\n");
   if (!done) return std::unexpected(fmt::format("row {}: {}", number, done.error()));
-  ids_.insert(rollout_id(row));
+  ids_.insert(evidence::rollout_id(row));
   artifact_.rows.push_back(row);
   return {};
 }
@@ -231,4 +232,4 @@ std::expected<ArtifactManifest, std::string> ArtifactWriter::finish() {
   return manifest;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <numeric>
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -154,7 +154,7 @@ std::set<Fault> planted_faults(std::string_view perturbation) {
   return faults;
 }
 
-std::set<Fault> named_faults(const RolloutRow& row) {
+std::set<Fault> named_faults(const evidence::RolloutRow& row) {
   std::set<Fault> named;
   for (std::size_t index = 0; index < monitor::kFaultCount; ++index) {
     const bool is_telling = row.fault_shares[index] ? *row.fault_shares[index] >= monitor::kTellingShare
@@ -174,7 +174,7 @@ std::optional<double> Mixtures::Cause::precision() const {
   return static_cast<double>(right) / static_cast<double>(named);
 }
 
-void Mixtures::add(const RolloutRow& row) {
+void Mixtures::add(const evidence::RolloutRow& row) {
   const std::set<Fault> planted = planted_faults(row.perturbation), named = named_faults(row);
   ++rollouts;
   for (const Fault fault : planted) ++causes[fault].planted;
@@ -267,9 +267,9 @@ std::optional<double> Confusion::macro_recall() const {
   return sum / static_cast<double>(planted.size());
 }
 
-std::map<std::string, Confusion> confusions_of(std::span<const RolloutRow> rows) {
+std::map<std::string, Confusion> confusions_of(std::span<const evidence::RolloutRow> rows) {
   std::map<std::string, Confusion> by_method;
-  for (const RolloutRow& row : rows) {
+  for (const evidence::RolloutRow& row : rows) {
     Confusion& confusion = by_method[row.method];
     const std::size_t verdict = row.leading_fault.empty() ? kNoVerdict : verdict_index(row.leading_fault);
     confusion.has_shares = confusion.has_shares || row.fault_shares.front();
@@ -301,4 +301,4 @@ Json confusion_json(const std::map<std::string, Confusion>& confusions, const st
   return {{"schema", kConfusionSchema}, {"artifact_id", artifact_id}, {"methods", std::move(methods)}};
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

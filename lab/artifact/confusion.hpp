@@ -23,7 +23,7 @@
 #include "evidence/rollout/rollout_row.hpp"
 #include "monitor/judge/fault_classifier.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 inline constexpr const char* kConfusionSchema = "takt.confusion/1";
 
@@ -31,7 +31,7 @@ inline constexpr const char* kConfusionSchema = "takt.confusion/1";
 std::set<monitor::Fault> planted_faults(std::string_view perturbation);
 
 // The causes that a rollout names; of an earlier program's row, the leading one. Unknown is no name.
-std::set<monitor::Fault> named_faults(const RolloutRow& row);
+std::set<monitor::Fault> named_faults(const evidence::RolloutRow& row);
 
 // The costliest verdict: stops first, then missed ticks, then stretches; the first in the order of Fault among equals.
 // Empty text: there is none.
@@ -52,7 +52,7 @@ struct Mixtures {
   };
   std::map<monitor::Fault, Cause> causes;
   std::uint64_t rollouts = 0, all_named = 0;
-  void add(const RolloutRow& row);
+  void add(const evidence::RolloutRow& row);
 };
 
 struct Confusion {
@@ -79,7 +79,7 @@ struct Confusion {
 };
 
 // By method.
-std::map<std::string, Confusion> confusions_of(std::span<const RolloutRow> rows);
+std::map<std::string, Confusion> confusions_of(std::span<const evidence::RolloutRow> rows);
 
 // For the terminal; empty where no cause was planted.
 std::string confusion_text(const std::map<std::string, Confusion>& confusions);
@@ -87,4 +87,4 @@ std::string confusion_text(const std::map<std::string, Confusion>& confusions);
 nlohmann::ordered_json confusion_json(const std::map<std::string, Confusion>& confusions,
                                       const std::string& artifact_id);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -14,7 +14,7 @@
 #include "config/sha256.hpp"
 #include "monitor/record/strict_json.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -135,4 +135,4 @@ std::expected<OpenedEnvelope, std::string> open_envelope(const std::string& text
   return OpenedEnvelope{id_of(key->get()), std::move(*statement)};
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

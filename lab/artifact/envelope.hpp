@@ -9,7 +9,7 @@
 #include <string>
 #include <string_view>
 
-namespace takt::panel {
+namespace takt::lab {
 
 inline constexpr const char* kStatementType = "https://in-toto.io/Statement/v1";
 
@@ -27,4 +27,4 @@ std::expected<OpenedEnvelope, std::string> open_envelope(const std::string& text
 // Empty: not there, or no text.
 std::string text_at(const nlohmann::ordered_json& json, const char* key);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -13,7 +13,7 @@
 #include "monitor/record/bounded_file.hpp"
 #include "monitor/record/strict_json.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -142,4 +142,4 @@ std::expected<void, std::string> merge_inputs(std::span<const Artifact> from, co
   return write_inputs(to, merged);
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -17,7 +17,7 @@
 #include <string_view>
 #include <vector>
 
-namespace takt::panel {
+namespace takt::lab {
 
 class ArtifactFolder;
 struct Artifact;
@@ -50,4 +50,4 @@ std::vector<std::string> altered_inputs(const ArtifactFolder& folder);
 // Those of all of them, into the new one; nothing where one keeps none. Refuses a path that has two contents.
 std::expected<void, std::string> merge_inputs(std::span<const Artifact> from, const ArtifactFolder& to);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -13,7 +13,7 @@
 #include "monitor/record/bounded_file.hpp"
 #include "monitor/record/run_manifest.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 // Why parts of the plan are missing; empty: each method has them all.
@@ -64,8 +64,8 @@ std::string mixture(std::span<const Artifact> artifacts) {
                            owner->second);
       }
     }
-    for (const RolloutRow& row : artifact.rows) {
-      const auto [owner, is_new] = rollouts_from.emplace(rollout_id(row), folder);
+    for (const evidence::RolloutRow& row : artifact.rows) {
+      const auto [owner, is_new] = rollouts_from.emplace(evidence::rollout_id(row), folder);
       if (!is_new) return fmt::format("rollout {} is in {} and in {}", owner->first, owner->second, folder);
     }
   }
@@ -153,7 +153,7 @@ std::expected<Artifact, std::string> merge(const std::string& path, std::span<co
   auto writer = ArtifactWriter::create(path, merged_manifest(artifacts), *panel_text);
   if (!writer) return std::unexpected(writer.error());
   for (const Artifact& artifact : artifacts) {
-    for (RolloutRow row : artifact.rows) {
+    for (evidence::RolloutRow row : artifact.rows) {
       row.run_folder.clear();  // stays where it was recorded: paths are relative to the artifact
       if (auto done = writer->append(row); !done) return std::unexpected(done.error());
     }
@@ -165,4 +165,4 @@ std::expected<Artifact, std::string> merge(const std::string& path, std::span<co
   return open_artifact(path);
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -8,11 +8,11 @@
 
 #include "lab/artifact/artifact.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 // Writes a new artifact at `path` with all rows, in the order given. Refuses, before anything is written, what
 // compare() would refuse, a method that means different things in two of them, unfinished artifacts, and a rollout that
 // is in two of them. The error is one sentence.
 std::expected<Artifact, std::string> merge(const std::string& path, std::span<const Artifact> artifacts);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -6,7 +6,7 @@
 
 #include "lab/artifact/thrift_compact.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr std::string_view kMagic = "PAR1";
@@ -266,4 +266,4 @@ std::string parquet_file(const std::string& table, std::span<const ParquetRowGro
   return file.append(kMagic);
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

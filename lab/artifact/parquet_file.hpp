@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-namespace takt::panel {
+namespace takt::lab {
 
 enum class ParquetType : std::uint8_t { boolean, int64, float32, float64, text };
 enum class ParquetShape : std::uint8_t { required, optional, list };  // a value per row, at most one, any number
@@ -60,4 +60,4 @@ using ParquetRowGroup = std::vector<ParquetColumn>;
 std::string parquet_file(const std::string& table, std::span<const ParquetRowGroup> row_groups,
                          const std::vector<std::pair<std::string, std::string>>& metadata);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -9,7 +9,7 @@
 #include "lab/artifact/rollout_fields.hpp"
 #include "monitor/judge/fault_classifier.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 bool all_of(std::string_view text, bool (*allowed)(char)) {
@@ -79,7 +79,7 @@ constexpr double kRounding = 1e-9;
 
 struct NamedAge {
   std::string name;
-  const AgeQuantiles* age;
+  const evidence::AgeQuantiles* age;
 };
 
 std::string disorder(const NamedAge& one) {
@@ -99,14 +99,15 @@ double beyond_largest(double p, std::uint64_t samples) {
 }
 
 // A part is no larger than its whole in any sample, so in no quantile either that lies among them.
-std::string beyond_total(const NamedAge& part, const AgeQuantiles& total, std::uint64_t samples) {
+std::string beyond_total(const NamedAge& part, const evidence::AgeQuantiles& total, std::uint64_t samples) {
   struct OfAge {
     const char* name;
-    std::optional<double> AgeQuantiles::*quantile;
+    std::optional<double> evidence::AgeQuantiles::*quantile;
     double p;
   };
-  for (const auto& [name, of, p] : {OfAge{"p50", &AgeQuantiles::p50_ms, 0.5}, OfAge{"p95", &AgeQuantiles::p95_ms, 0.95},
-                                    OfAge{"p99", &AgeQuantiles::p99_ms, 0.99}}) {
+  for (const auto& [name, of, p] :
+       {OfAge{"p50", &evidence::AgeQuantiles::p50_ms, 0.5}, OfAge{"p95", &evidence::AgeQuantiles::p95_ms, 0.95},
+        OfAge{"p99", &evidence::AgeQuantiles::p99_ms, 0.99}}) {
     const auto &value = (*part.age).*of, &whole = total.*of;
     if (value.has_value() != whole.has_value()) return fmt::format("{} has samples that its total has not", part.name);
     if (value && *value > *whole * (1 + beyond_largest(p, samples)) + 1e-6)
@@ -116,7 +117,7 @@ std::string beyond_total(const NamedAge& part, const AgeQuantiles& total, std::u
 }
 
 // `samples`: at least so many.
-std::string inconsistency(const std::string& name, const AgeRow& age, std::uint64_t samples) {
+std::string inconsistency(const std::string& name, const evidence::AgeRow& age, std::uint64_t samples) {
   const NamedAge total{name + ".total", &age.total};
   if (std::string reason = disorder(total); !reason.empty()) return reason;
   for (const NamedAge& part : {NamedAge{name + ".sense", &age.sense}, NamedAge{name + ".queue", &age.queue},
@@ -128,7 +129,7 @@ std::string inconsistency(const std::string& name, const AgeRow& age, std::uint6
   return {};
 }
 
-std::string inconsistency(const char* name, const MissRow& misses) {
+std::string inconsistency(const char* name, const evidence::MissRow& misses) {
   if (misses.misses > misses.count) return fmt::format("{}.misses is {} of only {}", name, misses.misses, misses.count);
   const double rate = misses.count == 0 ? 0 : static_cast<double>(misses.misses) / static_cast<double>(misses.count);
   if (std::abs(misses.rate - rate) > kRounding)
@@ -141,7 +142,7 @@ std::string inconsistency(const char* name, const MissRow& misses) {
   return {};
 }
 
-std::string inconsistency_of_shares(const RolloutRow& row) {
+std::string inconsistency_of_shares(const evidence::RolloutRow& row) {
   const auto there = std::ranges::count_if(row.fault_shares, [](const auto& share) { return share.has_value(); });
   if (there == 0) return {};
   if (there != monitor::kFaultCount) return fmt::format("has {} of {} faults.shares", there, monitor::kFaultCount);
@@ -151,7 +152,7 @@ std::string inconsistency_of_shares(const RolloutRow& row) {
   return std::abs(sum - wanted) <= kRounding ? "" : fmt::format("faults.shares add up to {}, not to {}", sum, wanted);
 }
 
-std::string inconsistency(const RolloutRow& row) {
+std::string inconsistency(const evidence::RolloutRow& row) {
   if (row.success && !row.failure_label.empty()) return "failure_label is set on a success";
   if (!row.success && row.failure_label.empty()) return "failure_label is empty on a failure";
   if (row.success && row.final_mode == Mode::fault_latched) return "is a success that ended in fault_latched";
@@ -164,7 +165,7 @@ std::string inconsistency(const RolloutRow& row) {
        {std::pair{"misses_per_command", row.misses_per_command}, std::pair{"misses_per_tick", row.misses_per_tick}})
     if (std::string reason = inconsistency(name, misses); !reason.empty()) return reason;
   // What was not missed has an age.
-  const auto aged = [](const MissRow& misses) { return misses.count - misses.misses; };
+  const auto aged = [](const evidence::MissRow& misses) { return misses.count - misses.misses; };
   if (std::string reason = inconsistency("age_per_command", row.age_per_command, aged(row.misses_per_command));
       !reason.empty())
     return reason;
@@ -185,7 +186,7 @@ std::string inconsistency(const RolloutRow& row) {
 bool matches(TextFormat format, std::string_view text) {
   switch (format) {
     case TextFormat::schema:
-      return text == kRolloutSchema;
+      return text == evidence::kRolloutSchema;
     case TextFormat::token:
       return !text.empty() && !text.starts_with('.') && all_of(text, is_token);
     case TextFormat::label:
@@ -232,7 +233,7 @@ std::string_view pattern_of(TextFormat format) {
   return "";
 }
 
-std::expected<void, std::string> check(const RolloutRow& row) {
+std::expected<void, std::string> check(const evidence::RolloutRow& row) {
   for (const RolloutField& field : rollout_fields()) {
     Checker checker{field, {}};
     std::visit(checker, place_in(field, row));
@@ -242,4 +243,4 @@ std::expected<void, std::string> check(const RolloutRow& row) {
   return {};
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -17,7 +17,7 @@
 
 #include "evidence/rollout/rollout_row.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 // What a text field may hold.
 enum class TextFormat : std::uint8_t {
@@ -47,7 +47,7 @@ struct RolloutField {
   std::string name;
   std::string unit;  // "ms", "Nm", "1" for shares and counts, empty for texts
   std::string meaning;
-  std::function<FieldPlace(RolloutRow&)> place;
+  std::function<FieldPlace(evidence::RolloutRow&)> place;
   TextFormat format = TextFormat::token;  // of texts
   Range range = {};                       // of numbers
   bool is_added = false;                  // rows of earlier programs lack it
@@ -57,10 +57,10 @@ struct RolloutField {
 // In file order.
 const std::vector<RolloutField>& rollout_fields();
 // Where the field lies in a row that is only read.
-FieldPlace place_in(const RolloutField& field, const RolloutRow& row);
+FieldPlace place_in(const RolloutField& field, const evidence::RolloutRow& row);
 
 // An added field of a row that an earlier program wrote.
-bool is_lacking(const RolloutField& field, const RolloutRow& row);
+bool is_lacking(const RolloutField& field, const evidence::RolloutRow& row);
 
 bool matches(TextFormat format, std::string_view text);
 // The same rule as an ECMA 262 regular expression, for the JSON Schema.
@@ -69,6 +69,6 @@ std::string_view pattern_of(TextFormat format);
 // "integer", "number", "number or null", "true or false", "text", "name of a mode", "name of a cause".
 std::string_view type_name(const FieldPlace& place);
 // Every field within its range or format, and the fields consistent with one another; one sentence otherwise.
-std::expected<void, std::string> check(const RolloutRow& row);
+std::expected<void, std::string> check(const evidence::RolloutRow& row);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -11,7 +11,7 @@
 #include "lab/artifact/rollout_fields.hpp"
 #include "monitor/record/strict_json.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -105,7 +105,7 @@ std::string first_unknown(const Json& json, const std::string& prefix) {
 std::expected<void, std::string> refuse_unknown(const Json& json) {
   const std::string unknown = first_unknown(json, "");
   if (unknown.empty()) return {};
-  return std::unexpected(fmt::format("{} is not a field of {}", config::printable(unknown), kRolloutSchema));
+  return std::unexpected(fmt::format("{} is not a field of {}", config::printable(unknown), evidence::kRolloutSchema));
 }
 
 const Json* find(const Json& json, const std::vector<std::string>& path) {
@@ -121,7 +121,7 @@ const Json* find(const Json& json, const std::vector<std::string>& path) {
 
 }  // namespace
 
-std::expected<std::string, std::string> row_text(const RolloutRow& row, HostFields host) {
+std::expected<std::string, std::string> row_text(const evidence::RolloutRow& row, HostFields host) {
   if (auto checked = check(row); !checked) return std::unexpected(config::printable(checked.error()));
   Json json;
   for (const RolloutField& field : rollout_fields()) {
@@ -133,17 +133,17 @@ std::expected<std::string, std::string> row_text(const RolloutRow& row, HostFiel
   return json.dump();
 }
 
-std::expected<RolloutRow, std::string> row_of(std::string_view line) {
+std::expected<evidence::RolloutRow, std::string> row_of(std::string_view line) {
   const auto json = monitor::parse_strict(line);
   if (!json) return std::unexpected(json.error());
   if (!json->is_object()) return std::unexpected("not a JSON object");
   // First of all: an older or newer row differs in many fields, and this says why.
-  if (const Json* schema = find(*json, {"schema"}); schema != nullptr && *schema != kRolloutSchema) {
-    return std::unexpected(
-        fmt::format("schema is {}, this version reads \"{}\"", config::printable(schema->dump()), kRolloutSchema));
+  if (const Json* schema = find(*json, {"schema"}); schema != nullptr && *schema != evidence::kRolloutSchema) {
+    return std::unexpected(fmt::format("schema is {}, this version reads \"{}\"", config::printable(schema->dump()),
+                                       evidence::kRolloutSchema));
   }
   if (auto known = refuse_unknown(*json); !known) return std::unexpected(known.error());
-  RolloutRow row;
+  evidence::RolloutRow row;
   for (const RolloutField& field : rollout_fields()) {
     const Json* value = find(*json, path_of(field));
     if (value == nullptr && field.is_added) continue;
@@ -158,4 +158,4 @@ std::expected<RolloutRow, std::string> row_of(std::string_view line) {
   return row;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

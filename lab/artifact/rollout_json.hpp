@@ -14,17 +14,18 @@
 
 #include "evidence/rollout/rollout_row.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 enum class HostFields : std::uint8_t { included, left_out };
 
 // One line, without the line end. `left_out` gives the bytes that are the same on every machine.
-std::expected<std::string, std::string> row_text(const RolloutRow& row, HostFields host = HostFields::included);
-std::expected<RolloutRow, std::string> row_of(std::string_view line);
+std::expected<std::string, std::string> row_text(const evidence::RolloutRow& row,
+                                                 HostFields host = HostFields::included);
+std::expected<evidence::RolloutRow, std::string> row_of(std::string_view line);
 
 // JSON Schema (draft 2020-12) of a line, as committed in rollout.schema.json.
 std::string rollout_schema();
 // SHA-256 of rollout_schema(): rows of two artifacts mean the same only if this is equal.
 std::string rollout_schema_sha256();
 
-}  // namespace takt::panel
+}  // namespace takt::lab

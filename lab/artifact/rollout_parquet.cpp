@@ -6,7 +6,7 @@
 #include "lab/artifact/parquet_file.hpp"
 #include "lab/artifact/rollout_fields.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 struct ColumnType {
@@ -32,11 +32,12 @@ struct AddValue {
 
 }  // namespace
 
-std::string rollouts_parquet(std::span<const RolloutRow> rows, const std::string& artifact_id) {
+std::string rollouts_parquet(std::span<const evidence::RolloutRow> rows, const std::string& artifact_id) {
   ParquetRowGroup columns;
-  const RolloutRow sample;
+  const evidence::RolloutRow sample;
   for (const RolloutField& field : rollout_fields()) {
-    if (!rows.empty() && std::ranges::all_of(rows, [&](const RolloutRow& row) { return is_lacking(field, row); }))
+    if (!rows.empty() &&
+        std::ranges::all_of(rows, [&](const evidence::RolloutRow& row) { return is_lacking(field, row); }))
       continue;
     std::string column_name = field.name;
     std::ranges::replace(column_name, '.', '_');
@@ -44,10 +45,10 @@ std::string rollouts_parquet(std::span<const RolloutRow> rows, const std::string
     const bool is_optional = std::holds_alternative<std::optional<double>*>(place);
     const ParquetShape shape = is_optional ? ParquetShape::optional : ParquetShape::required;
     ParquetColumn& column = columns.emplace_back(column_name, std::visit(ColumnType{}, place), shape);
-    for (const RolloutRow& row : rows) std::visit(AddValue{column}, place_in(field, row));
+    for (const evidence::RolloutRow& row : rows) std::visit(AddValue{column}, place_in(field, row));
   }
   return parquet_file("rollout", {&columns, 1},
-                      {{"takt.row_schema", kRolloutSchema}, {"takt.artifact_id", artifact_id}});
+                      {{"takt.row_schema", evidence::kRolloutSchema}, {"takt.artifact_id", artifact_id}});
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

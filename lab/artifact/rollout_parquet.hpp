@@ -9,9 +9,9 @@
 
 #include "evidence/rollout/rollout_row.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 // The file's bytes. The artifact's id and the row schema's name go into its key-value metadata.
-std::string rollouts_parquet(std::span<const RolloutRow> rows, const std::string& artifact_id);
+std::string rollouts_parquet(std::span<const evidence::RolloutRow> rows, const std::string& artifact_id);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -6,7 +6,7 @@
 #include "lab/artifact/rollout_fields.hpp"
 #include "lab/artifact/rollout_json.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -36,7 +36,7 @@ struct ToSchema {
     return with_range(Json::array({"number", "null"}), field.range);
   }
   Json operator()(const std::string* /*place*/) const {
-    if (field.format == TextFormat::schema) return {{"const", kRolloutSchema}};
+    if (field.format == TextFormat::schema) return {{"const", evidence::kRolloutSchema}};
     return {{"type", "string"}, {"pattern", pattern_of(field.format)}};
   }
   Json operator()(const Mode* /*place*/) const { return names<Mode>(kModeCount); }
@@ -67,7 +67,7 @@ Json& holder_of(Json& schema, std::string& name, bool is_added) {
 
 std::string rollout_schema() {
   Json schema = empty_object();
-  const RolloutRow row;
+  const evidence::RolloutRow row;
   for (const RolloutField& field : rollout_fields()) {
     std::string step = field.name;
     Json& holder = holder_of(schema, step, field.is_added);
@@ -77,7 +77,7 @@ std::string rollout_schema() {
     holder["properties"][step] = std::move(property);
   }
   Json head{{"$schema", "https://json-schema.org/draft/2020-12/schema"},
-            {"title", kRolloutSchema},
+            {"title", evidence::kRolloutSchema},
             {"description", "One rollout of a panel: one line of rollouts.jsonl. Made from rollout_fields.cpp."}};
   head.update(schema);
   // The one rule between fields that a schema can say.
@@ -91,4 +91,4 @@ std::string rollout_schema_sha256() {
   return config::sha256_hex(rollout_schema());
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -17,7 +17,7 @@
 #include "monitor/record/bounded_file.hpp"
 #include "monitor/record/strict_json.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr std::array kSealed{"manifest.json",   "panel.yaml",       "rollout.schema.json", "rollouts.jsonl",
@@ -146,4 +146,4 @@ SealedRuns look_at_runs(const ArtifactFolder& folder) {
   return found;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

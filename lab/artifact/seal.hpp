@@ -14,7 +14,7 @@
 #include <string_view>
 #include <vector>
 
-namespace takt::panel {
+namespace takt::lab {
 
 class ArtifactFolder;
 
@@ -40,4 +40,4 @@ struct SealedRuns {
 // Precondition: the seal is whole (broken_seal).
 SealedRuns look_at_runs(const ArtifactFolder& folder);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -12,7 +12,7 @@
 #include "lab/artifact/envelope.hpp"
 #include "monitor/record/bounded_file.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -120,4 +120,4 @@ std::expected<TimeStamp, std::string> check_time(const std::string& folder, std:
   return time;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

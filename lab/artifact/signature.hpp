@@ -19,7 +19,7 @@
 #include "lab/artifact/time_stamp.hpp"
 #include "monitor/record/recorded_run.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 inline constexpr const char* kSignatureFile = "seal.dsse.json";
 
@@ -43,4 +43,4 @@ std::expected<std::string, std::string> check_signature(const std::string& folde
 // When an authority of those certificates stamped the folder's envelope (kTimeStampFile).
 std::expected<TimeStamp, std::string> check_time(const std::string& folder, std::string_view certificates_pem);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

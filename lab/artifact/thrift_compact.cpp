@@ -3,7 +3,7 @@
 
 #include <utility>
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 std::uint64_t zigzag(std::int64_t value) {
@@ -81,4 +81,4 @@ std::string ThriftWriter::finish() {
   return std::exchange(bytes_, {});
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

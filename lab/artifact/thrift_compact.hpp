@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-namespace takt::panel {
+namespace takt::lab {
 
 enum class ThriftType : std::uint8_t { i32 = 5, i64 = 6, binary = 8, list = 9, structure = 12 };
 
@@ -36,4 +36,4 @@ class ThriftWriter {
   std::vector<int> last_field_{0};  // of every open struct
 };
 
-}  // namespace takt::panel
+}  // namespace takt::lab

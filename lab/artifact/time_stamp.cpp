@@ -15,7 +15,7 @@
 #include "config/load.hpp"
 #include "config/printable.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 template <auto free>
@@ -148,4 +148,4 @@ std::expected<TimeStamp, std::string> checked_time(std::string_view response, st
   return std::move(found->stamp);
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -12,7 +12,7 @@
 #include <string>
 #include <string_view>
 
-namespace takt::panel {
+namespace takt::lab {
 
 inline constexpr const char* kTimeStampFile = "seal.tsr";
 
@@ -30,4 +30,4 @@ std::expected<TimeStamp, std::string> claimed_time(std::string_view response, st
 std::expected<TimeStamp, std::string> checked_time(std::string_view response, std::string_view stamped,
                                                    const std::string& file, std::string_view certificates_pem);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -17,11 +17,11 @@ namespace takt::data_set {
 namespace {
 
 using Json = nlohmann::ordered_json;
-using panel::parquet_file;
-using panel::ParquetColumn;
-using panel::ParquetRowGroup;
-using panel::ParquetShape;
-using panel::ParquetType;
+using lab::parquet_file;
+using lab::ParquetColumn;
+using lab::ParquetRowGroup;
+using lab::ParquetShape;
+using lab::ParquetType;
 
 constexpr std::int64_t kFilesPerChunk = 1000;
 constexpr std::int64_t kTaskIndex = 0;

@@ -14,22 +14,22 @@
 #include "evidence/rollout/rollout_row.hpp"
 #include "lab/artifact/artifact.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 // How one rollout bears on what is attested.
 struct Bearing {
   double seconds = 0;  // in the stop, or degraded
   bool came_to_it = false, is_trial = false, stood = false;
 };
-Bearing bearing_of(const RolloutRow& row, std::string_view of, const config::RobotConfig& robot);
+Bearing bearing_of(const evidence::RolloutRow& row, std::string_view of, const config::RobotConfig& robot);
 
 // The seal of a trial's row, as attestations carry it. `parts`: moving_parts_sha256() of its robot.
-std::string row_sha256(const RolloutRow& row, const std::string& parts);
+std::string row_sha256(const evidence::RolloutRow& row, const std::string& parts);
 
 // What `artifact` shows of `of`. `panel_text`: its panel.yaml. `robot`: as the method ran it; its rows must be that
 // robot's.
-std::expected<Attestation, std::string> attest(const Artifact& artifact, const std::string& panel_text,
-                                               const config::RobotConfig& robot, const std::string& of,
-                                               const std::string& method, const FallRule& fall);
+std::expected<evidence::Attestation, std::string> attest(const Artifact& artifact, const std::string& panel_text,
+                                                         const config::RobotConfig& robot, const std::string& of,
+                                                         const std::string& method, const evidence::FallRule& fall);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -18,7 +18,7 @@
 #include "monitor/record/bounded_file.hpp"
 #include "monitor/record/run_manifest.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using Promise = std::expected<PanelPromise, std::string>;
@@ -61,11 +61,11 @@ AuditItem metric_contract(const Artifact& artifact, const Promise& promise) {
 
 // Every method under every condition, or a comparison is not one row by row.
 void find_holes(const Artifact& artifact, std::vector<std::string>& missing) {
-  std::set<PairKey> keys;
-  std::map<std::string, std::set<PairKey>> of_method;
-  for (const RolloutRow& row : artifact.rows) {
-    keys.insert(pair_key(row));
-    of_method[row.method].insert(pair_key(row));
+  std::set<evidence::PairKey> keys;
+  std::map<std::string, std::set<evidence::PairKey>> of_method;
+  for (const evidence::RolloutRow& row : artifact.rows) {
+    keys.insert(evidence::pair_key(row));
+    of_method[row.method].insert(evidence::pair_key(row));
   }
   for (const auto& [name, facts] : artifact.manifest.methods) {
     const std::size_t holes = keys.size() - of_method[name].size();
@@ -82,16 +82,17 @@ void find_unshown(const Artifact& artifact, const PanelPromise& promise, std::ve
 
 // A condition that no row has is one that every method lacks, and that no comparison of rows shows.
 void find_untried(const Artifact& artifact, const PanelPromise& promise, std::vector<std::string>& missing) {
-  std::set<PairKey> ran, planned;
-  for (const RolloutRow& row : artifact.rows) ran.insert(pair_key(row));
+  std::set<evidence::PairKey> ran, planned;
+  for (const evidence::RolloutRow& row : artifact.rows) ran.insert(evidence::pair_key(row));
   for (const PanelPromise::Condition& one : promise.conditions)
     for (const std::uint64_t seed : artifact.manifest.seed_plan.seeds)
       planned.insert({one.task, one.perturbation, one.dose, seed});
-  const auto count_without = [](const std::set<PairKey>& some, const std::set<PairKey>& others) {
-    return std::ranges::count_if(some, [&](const PairKey& key) { return !others.contains(key); });
+  const auto count_without = [](const std::set<evidence::PairKey>& some, const std::set<evidence::PairKey>& others) {
+    return std::ranges::count_if(some, [&](const evidence::PairKey& key) { return !others.contains(key); });
   };
   if (const auto untried = count_without(planned, ran); untried != 0) {
-    const PairKey& first = *std::ranges::find_if(planned, [&](const PairKey& key) { return !ran.contains(key); });
+    const evidence::PairKey& first =
+        *std::ranges::find_if(planned, [&](const evidence::PairKey& key) { return !ran.contains(key); });
     missing.push_back(
         fmt::format("no method ran {} of the {} conditions of panel.yaml, such as {}.{}@{:g} with seed {}", untried,
                     planned.size(), first.task, first.perturbation, first.dose, first.seed));
@@ -103,7 +104,7 @@ void find_untried(const Artifact& artifact, const PanelPromise& promise, std::ve
 AuditItem perturbation_panel(const Artifact& artifact, const Promise& promise) {
   const ArtifactManifest& manifest = artifact.manifest;
   std::map<std::string, std::size_t> perturbations;
-  for (const RolloutRow& row : artifact.rows) ++perturbations[row.perturbation];
+  for (const evidence::RolloutRow& row : artifact.rows) ++perturbations[row.perturbation];
   AuditItem item{.name = "perturbation panel",
                  .answer = fmt::format("{}, {} seeds ({}):", manifest.panel, manifest.seed_plan.seeds.size(),
                                        manifest.seed_plan.rule),
@@ -131,7 +132,7 @@ AuditItem perturbation_panel(const Artifact& artifact, const Promise& promise) {
 
 // Why the panel's rollouts do not end so; empty: they may. Robot files, which say the exact period, are elsewhere.
 // `world_says`: a program outside may, at any time, that the task is done.
-std::string impossible_end(const RolloutRow& row, const PanelPromise::Outcome& panel, bool world_says) {
+std::string impossible_end(const evidence::RolloutRow& row, const PanelPromise::Outcome& panel, bool world_says) {
   const auto ticks = static_cast<double>(row.ticks);
   if (const double most = panel.duration_s / kShortestPeriod_s + 1; ticks > most)
     return fmt::format("has {} ticks, and {:g} s have at most {:.0f}", row.ticks, panel.duration_s, most);
@@ -151,7 +152,7 @@ std::string impossible_end(const RolloutRow& row, const PanelPromise::Outcome& p
 void find_impossible_ends(const Artifact& artifact, const PanelPromise& promise, std::vector<std::string>& missing) {
   const bool world_says = !artifact.manifest.outside.world.command.empty();
   for (std::size_t index = 0; index < artifact.rows.size(); ++index) {
-    const RolloutRow& row = artifact.rows[index];
+    const evidence::RolloutRow& row = artifact.rows[index];
     const auto panel = promise.outcomes.find(row.task);
     if (panel == promise.outcomes.end()) continue;
     if (const std::string why = impossible_end(row, panel->second, world_says); !why.empty())
@@ -164,7 +165,7 @@ AuditItem monitor_state(const Artifact& artifact, const Promise& promise) {
   std::map<std::string, std::size_t> ends;
   std::size_t unhashed = 0;
   if (promise) find_impossible_ends(artifact, *promise, item.missing);
-  for (const RolloutRow& row : artifact.rows) {
+  for (const evidence::RolloutRow& row : artifact.rows) {
     ++ends[row.final_mode == Mode::tracking ? std::string(name(row.final_mode))
                                             : fmt::format("{} ({})", name(row.final_mode), name(row.final_cause))];
     if (row.replay_hash.empty()) ++unhashed;
@@ -201,7 +202,8 @@ AuditItem run_folders(const Artifact& artifact) {
     return item;
   }
   SealedRuns runs = look_at_runs(artifact.folder);
-  const auto kept = std::ranges::count_if(artifact.rows, [](const RolloutRow& row) { return !row.run_folder.empty(); });
+  const auto kept =
+      std::ranges::count_if(artifact.rows, [](const evidence::RolloutRow& row) { return !row.run_folder.empty(); });
   item.answer =
       kept == 0 ? "none was kept" : fmt::format("{} of {} rollouts, {} files", kept, artifact.rows.size(), runs.files);
   item.missing = std::move(runs.altered);
@@ -262,7 +264,7 @@ AuditItem post_mortems(const Artifact& artifact) {
   AuditItem item{.name = "post-mortems", .answer = {}, .missing = {}};
   std::size_t failed = 0, completed = 0;
   for (std::size_t index = 0; index < artifact.rows.size(); ++index) {
-    const RolloutRow& row = artifact.rows[index];
+    const evidence::RolloutRow& row = artifact.rows[index];
     if (row.success) continue;
     ++failed;
     switch (post_mortem_state(artifact, row)) {
@@ -271,15 +273,15 @@ AuditItem post_mortems(const Artifact& artifact) {
         break;
       case PostMortemState::signed_only:
         item.missing.push_back(fmt::format("row {} failed ({}) and postmortems/{}.md has a name and no conclusion",
-                                           index + 1, row.failure_label, rollout_id(row)));
+                                           index + 1, row.failure_label, evidence::rollout_id(row)));
         break;
       case PostMortemState::drafted:
         item.missing.push_back(fmt::format("row {} failed ({}) and postmortems/{}.md is not completed", index + 1,
-                                           row.failure_label, rollout_id(row)));
+                                           row.failure_label, evidence::rollout_id(row)));
         break;
       case PostMortemState::missing:
         item.missing.push_back(fmt::format("row {} failed ({}) and postmortems/{}.md does not exist", index + 1,
-                                           row.failure_label, rollout_id(row)));
+                                           row.failure_label, evidence::rollout_id(row)));
         break;
     }
   }
@@ -379,9 +381,9 @@ std::string audit_text(const Audit& audit) {
   return text + "not audit-ready\n";
 }
 
-std::string audit_text(const Attestation& attestation, const std::optional<Recomputed>& recomputed) {
+std::string audit_text(const evidence::Attestation& attestation, const std::optional<Recomputed>& recomputed) {
   std::string text = fmt::format("{:<20}{} of {}\n{:<20}{}\n", "attestation", attestation.of, attestation.robot, "says",
-                                 what_it_shows(attestation));
+                                 evidence::what_it_shows(attestation));
   std::string rests = "consistent; no rollout computed anew";
   if (recomputed) rests = fmt::format("consistent; {} of {} rollouts computed anew", recomputed->rows, recomputed->of);
   if (recomputed && !recomputed->differences.empty()) {
@@ -413,4 +415,4 @@ nlohmann::ordered_json to_json(const Audit& audit) {
   return json;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

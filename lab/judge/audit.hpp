@@ -19,7 +19,7 @@
 #include "lab/artifact/artifact.hpp"
 #include "lab/judge/vouching.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 inline constexpr const char* kAuditSchema = "takt.audit/1";
 
@@ -91,6 +91,6 @@ Audit audit(const Artifact& artifact, const std::expected<PanelPromise, std::str
 std::string audit_text(const Audit& audit);
 nlohmann::ordered_json to_json(const Audit& audit);
 // Of an attestation, which is consistent where it can be read.
-std::string audit_text(const Attestation& attestation, const std::optional<Recomputed>& recomputed);
+std::string audit_text(const evidence::Attestation& attestation, const std::optional<Recomputed>& recomputed);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

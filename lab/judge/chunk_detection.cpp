@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 bool is_caught(const monitor::ChunkScores& levels, std::span<const config::ChunkThreshold> thresholds) {
@@ -15,22 +15,22 @@ bool is_caught(const monitor::ChunkScores& levels, std::span<const config::Chunk
   });
 }
 
-std::vector<double> values_of(std::span<const RolloutRow* const> rows, bool successful, std::size_t score) {
+std::vector<double> values_of(std::span<const evidence::RolloutRow* const> rows, bool successful, std::size_t score) {
   std::vector<double> values;
-  for (const RolloutRow* const row : rows)
+  for (const evidence::RolloutRow* const row : rows)
     if (row->success == successful) values.push_back(row->chunk_levels[score]);
   return values;
 }
 
-std::uint64_t middle_seed(std::span<const RolloutRow> rows) {
-  const auto [least, most] = std::ranges::minmax(rows, {}, &RolloutRow::seed);
+std::uint64_t middle_seed(std::span<const evidence::RolloutRow> rows) {
+  const auto [least, most] = std::ranges::minmax(rows, {}, &evidence::RolloutRow::seed);
   return least.seed + (most.seed - least.seed) / 2;
 }
 
 }  // namespace
 
 std::expected<std::vector<config::ChunkThreshold>, std::string> calibrate(std::span<const monitor::ChunkScores> usual,
-                                                                          std::span<const ChunkScore> scores,
+                                                                          std::span<const config::ChunkScore> scores,
                                                                           double alarms) {
   const double each = alarms / static_cast<double>(scores.size());
   const double place = std::ceil(static_cast<double>(usual.size() + 1) * (1 - each) - 1e-9);
@@ -41,7 +41,7 @@ std::expected<std::vector<config::ChunkThreshold>, std::string> calibrate(std::s
                     "watch fewer scores, or allow more alarms",
                     usual.size(), scores.size(), alarms, static_cast<std::size_t>(std::ceil(1 / each - 1e-9)) - 1));
   std::vector<config::ChunkThreshold> thresholds;
-  for (const ChunkScore score : scores) {
+  for (const config::ChunkScore score : scores) {
     std::vector<double> levels;
     for (const monitor::ChunkScores& one : usual) levels.push_back(one[static_cast<std::size_t>(score)]);
     const auto at = levels.begin() + static_cast<std::ptrdiff_t>(rank - 1);
@@ -65,8 +65,8 @@ std::optional<Auroc> auroc_of(std::span<const double> failed, std::span<const do
   return Auroc{area, std::max(0.0, area - reach), std::min(1.0, area + reach)};
 }
 
-std::expected<ChunkDetection, std::string> detection_of(std::span<const RolloutRow> rows,
-                                                        std::span<const ChunkScore> scores, double alarms) {
+std::expected<ChunkDetection, std::string> detection_of(std::span<const evidence::RolloutRow> rows,
+                                                        std::span<const config::ChunkScore> scores, double alarms) {
   if (rows.empty()) return std::unexpected("no rollout of this task and method");
   ChunkDetection made;
   made.task = rows.front().task;
@@ -75,8 +75,8 @@ std::expected<ChunkDetection, std::string> detection_of(std::span<const RolloutR
   made.rule.of = static_cast<int>(rows.front().catch_of);
   const std::uint64_t last_to_calibrate = middle_seed(rows);
   std::vector<monitor::ChunkScores> usual;
-  std::vector<const RolloutRow*> held_out;
-  for (const RolloutRow& row : rows) {
+  std::vector<const evidence::RolloutRow*> held_out;
+  for (const evidence::RolloutRow& row : rows) {
     const bool nominal = row.perturbation == "none";
     if (row.seed > last_to_calibrate)
       held_out.push_back(&row);
@@ -87,7 +87,7 @@ std::expected<ChunkDetection, std::string> detection_of(std::span<const RolloutR
   if (!thresholds) return std::unexpected(thresholds.error());
   made.calibrated_on = usual.size();
   made.rule.thresholds = std::move(*thresholds);
-  for (const RolloutRow* const row : held_out) {
+  for (const evidence::RolloutRow* const row : held_out) {
     const bool caught = is_caught(row->chunk_levels, made.rule.thresholds);
     ++(row->success ? made.successful : made.failed);
     if (!row->success && caught) ++made.failed_caught;
@@ -95,7 +95,7 @@ std::expected<ChunkDetection, std::string> detection_of(std::span<const RolloutR
     ++made.nominal;
     if (caught) ++made.nominal_caught;
   }
-  for (std::size_t score = 0; score < kChunkScoreCount; ++score)
+  for (std::size_t score = 0; score < config::kChunkScoreCount; ++score)
     made.auroc[score] = auroc_of(values_of(held_out, false, score), values_of(held_out, true, score));
   return made;
 }
@@ -106,17 +106,18 @@ std::string detection_text(const ChunkDetection& detection) {
       "  {:<16} {:>6}  {:<13} {:>9}\n",
       detection.task, detection.method, detection.calibrated_on, detection.failed + detection.successful,
       detection.failed, "score", "AUROC", "95 %", "threshold");
-  for (std::size_t score = 0; score < kChunkScoreCount; ++score) {
+  for (std::size_t score = 0; score < config::kChunkScoreCount; ++score) {
     const auto& auroc = detection.auroc[score];
-    const auto threshold =
-        std::ranges::find(detection.rule.thresholds, static_cast<ChunkScore>(score), &config::ChunkThreshold::score);
-    text += fmt::format(
-        "  {:<16} {:>6}  {:<13} {:>9}\n", kChunkScoreNames[score], auroc ? fmt::format("{:.3f}", auroc->area) : "-",
-        auroc ? fmt::format("{:.3f}..{:.3f}", auroc->low, auroc->high) : "-",
-        threshold != detection.rule.thresholds.end() ? fmt::format("{:.4g}", threshold->above) : "none");
+    const auto threshold = std::ranges::find(detection.rule.thresholds, static_cast<config::ChunkScore>(score),
+                                             &config::ChunkThreshold::score);
+    text +=
+        fmt::format("  {:<16} {:>6}  {:<13} {:>9}\n", config::kChunkScoreNames[score],
+                    auroc ? fmt::format("{:.3f}", auroc->area) : "-",
+                    auroc ? fmt::format("{:.3f}..{:.3f}", auroc->low, auroc->high) : "-",
+                    threshold != detection.rule.thresholds.end() ? fmt::format("{:.4g}", threshold->above) : "none");
   }
   return text + fmt::format("  any threshold: {} of {} failures caught, {} of {} nominal rollouts (false alarms)\n",
                             detection.failed_caught, detection.failed, detection.nominal_caught, detection.nominal);
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -22,11 +22,11 @@
 #include "evidence/rollout/rollout_row.hpp"
 #include "monitor/judge/chunk_scores.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 // `alarms`: share of usual stretches that may have a catch, 0 to 1, all of `scores` together.
 std::expected<std::vector<config::ChunkThreshold>, std::string> calibrate(std::span<const monitor::ChunkScores> usual,
-                                                                          std::span<const ChunkScore> scores,
+                                                                          std::span<const config::ChunkScore> scores,
                                                                           double alarms);
 
 // Area under the receiver operating characteristic: the probability that a failed rollout's value is larger than a
@@ -41,15 +41,15 @@ std::optional<Auroc> auroc_of(std::span<const double> failed, std::span<const do
 // are judged.
 struct ChunkDetection {
   std::string task, method;
-  config::ChunkMonitors rule;                                // its votes, and the thresholds
-  std::size_t calibrated_on = 0;                             // rollouts
-  std::array<std::optional<Auroc>, kChunkScoreCount> auroc;  // of held-out rollouts, in the order of ChunkScore
-  std::size_t failed = 0, successful = 0;                    // held-out rollouts
-  std::size_t failed_caught = 0;                             // by any threshold
-  std::size_t nominal = 0, nominal_caught = 0;               // held-out rollouts: false alarms
+  config::ChunkMonitors rule;                                        // its votes, and the thresholds
+  std::size_t calibrated_on = 0;                                     // rollouts
+  std::array<std::optional<Auroc>, config::kChunkScoreCount> auroc;  // of held-out rollouts, in the order of ChunkScore
+  std::size_t failed = 0, successful = 0;                            // held-out rollouts
+  std::size_t failed_caught = 0;                                     // by any threshold
+  std::size_t nominal = 0, nominal_caught = 0;                       // held-out rollouts: false alarms
 };
-std::expected<ChunkDetection, std::string> detection_of(std::span<const RolloutRow> rows_of_one_method,
-                                                        std::span<const ChunkScore> scores, double alarms);
+std::expected<ChunkDetection, std::string> detection_of(std::span<const evidence::RolloutRow> rows_of_one_method,
+                                                        std::span<const config::ChunkScore> scores, double alarms);
 std::string detection_text(const ChunkDetection& detection);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

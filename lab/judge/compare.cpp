@@ -13,7 +13,7 @@
 #include "lab/artifact/rollout_fields.hpp"
 #include "lab/judge/exact_rate_interval.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 // The numbers a comparison shows, by their names in the row. Success, as 0 or 1, has its own table too.
@@ -39,7 +39,7 @@ constexpr std::array<std::string_view, 21> kComparedMetrics{"success",
                                                             "peak_torque_Nm",
                                                             "torque_rate_Nm_s"};
 
-std::optional<double> number_at(const RolloutField& field, const RolloutRow& row) {
+std::optional<double> number_at(const RolloutField& field, const evidence::RolloutRow& row) {
   const FieldPlace place = place_in(field, row);
   if (auto* const* yes = std::get_if<bool*>(&place)) return **yes ? 1 : 0;
   if (auto* const* number = std::get_if<double*>(&place)) return **number;
@@ -161,10 +161,11 @@ std::expected<std::string, std::string> method_of(const Artifact& artifact, cons
   return wanted;
 }
 
-std::map<PairKey, const RolloutRow*> rows_by_key(const Artifact& artifact, const std::string& method) {
-  std::map<PairKey, const RolloutRow*> rows;
-  for (const RolloutRow& row : artifact.rows) {
-    if (row.method == method) rows.emplace(pair_key(row), &row);
+std::map<evidence::PairKey, const evidence::RolloutRow*> rows_by_key(const Artifact& artifact,
+                                                                     const std::string& method) {
+  std::map<evidence::PairKey, const evidence::RolloutRow*> rows;
+  for (const evidence::RolloutRow& row : artifact.rows) {
+    if (row.method == method) rows.emplace(evidence::pair_key(row), &row);
   }
   return rows;
 }
@@ -309,4 +310,4 @@ void name_configuration(const Artifact& a, const Artifact& b, const PanelPromise
   }
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -20,7 +20,7 @@
 #include "lab/judge/audit.hpp"
 #include "lab/judge/paired_statistics.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 inline constexpr const char* kComparisonSchema = "takt.comparison/2";
 
@@ -52,7 +52,7 @@ struct GroupComparison {
 };
 
 struct RowPair {
-  RolloutRow a, b;
+  evidence::RolloutRow a, b;
 };
 
 struct Side {
@@ -119,4 +119,4 @@ nlohmann::ordered_json to_json(const Comparison& comparison);
 // One file without scripts or requests. Holds the fault classifier's confusion matrices where both sides have one.
 std::string comparison_html(const Comparison& comparison);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -7,7 +7,7 @@
 
 #include "lab/judge/compare.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr std::string_view kHead = R"(<!doctype html>
@@ -89,11 +89,11 @@ std::string group_html(const GroupComparison& group) {
   return html + "</table>\n";
 }
 
-std::string outcome(const RolloutRow& row) {
+std::string outcome(const evidence::RolloutRow& row) {
   return row.success ? "success" : escaped(row.failure_label);
 }
 
-std::string age(const RolloutRow& row) {
+std::string age(const evidence::RolloutRow& row) {
   const auto& p95 = row.age_per_command.total.p95_ms;
   return p95 ? fmt::format("{:.2f}", *p95) : "none";
 }
@@ -168,4 +168,4 @@ std::string comparison_html(const Comparison& comparison) {
   return html + confusions_html(comparison) + pairs_html(comparison) + "</body></html>\n";
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

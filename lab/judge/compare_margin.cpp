@@ -7,7 +7,7 @@
 
 #include "lab/judge/compare.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 // The pooled difference of success, in which every pair has a part.
@@ -87,4 +87,4 @@ std::string success_text(const SuccessTable& success) {
                      test, success.p_value);
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

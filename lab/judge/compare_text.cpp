@@ -4,7 +4,7 @@
 
 #include "lab/judge/compare.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -39,7 +39,7 @@ std::string group_text(const GroupComparison& group) {
   return text;
 }
 
-std::string row_cells(const RolloutRow& row) {
+std::string row_cells(const evidence::RolloutRow& row) {
   const auto& p99 = row.age_per_tick.total.p99_ms;
   return fmt::format("  {:<16}{:>8}{:>8.1f}", row.success ? "success" : row.failure_label,
                      p99 ? fmt::format("{:.1f}", *p99) : "none", 1e3 * row.tracking_error_rms_m);
@@ -163,4 +163,4 @@ Json to_json(const Comparison& comparison) {
   return json;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

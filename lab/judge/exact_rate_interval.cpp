@@ -8,7 +8,7 @@
 #include "lab/judge/seed_moments.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr double kTail = (1 - kConfidence) / 2;
@@ -148,4 +148,4 @@ Interval exact_rate_interval(std::span<const SeedSuccess> seeds) {
   return {lower_end(whole, up, down), -lower_end(whole, down, up)};
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -19,7 +19,7 @@
 
 #include "lab/judge/paired_statistics.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 // Pairs of one seed; `pairs` holds those that agree too and is at least one.
 struct SeedSuccess {
@@ -31,4 +31,4 @@ double effective_pairs(std::span<const SeedSuccess> seeds);
 // 95 % interval of the rate of b less that of a, -1..1. Precondition: not empty.
 Interval exact_rate_interval(std::span<const SeedSuccess> seeds);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -10,7 +10,7 @@
 #include "lab/judge/seed_moments.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr double kResampledTail = 0.015;
@@ -163,4 +163,4 @@ Interval paired_rate_interval(std::uint64_t only_a, std::uint64_t only_b, std::u
   return {std::max(middle - half, -1.0), std::min(middle + half, 1.0)};
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -12,7 +12,7 @@
 #include <string_view>
 #include <vector>
 
-namespace takt::panel {
+namespace takt::lab {
 
 struct Interval {
   double low = 0, high = 0;
@@ -76,4 +76,4 @@ double student_quantile(double degrees);
 // proportions.
 Interval paired_rate_interval(std::uint64_t only_a, std::uint64_t only_b, std::uint64_t pairs);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

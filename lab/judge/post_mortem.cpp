@@ -11,7 +11,7 @@
 #include "monitor/record/bounded_file.hpp"
 #include "monitor/record/recorded_run.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr std::string_view kSignature = "completed-by:";
@@ -49,15 +49,15 @@ int severity(const TickRecordHeader& header) {
   return 0;
 }
 
-std::string show_again(const Artifact& artifact, const RolloutRow& row) {
+std::string show_again(const Artifact& artifact, const evidence::RolloutRow& row) {
   if (!row.run_folder.empty()) return "takt replay " + artifact.folder.path() + "/" + row.run_folder;
   // Not the copy in the artifact: a panel names its robot relative to itself.
-  return "takt panel run PANEL.yaml --only " + rollout_id(row) + " --out again  # PANEL.yaml: SHA-256 " +
+  return "takt panel run PANEL.yaml --only " + evidence::rollout_id(row) + " --out again  # PANEL.yaml: SHA-256 " +
          artifact.manifest.panel_sha256;
 }
 
 std::expected<std::string, std::string> draft_of(const Artifact& artifact, std::size_t index) {
-  const RolloutRow& row = artifact.rows[index];
+  const evidence::RolloutRow& row = artifact.rows[index];
   PostMortemDraft draft{.row = row,
                         .row_number = index + 1,
                         .artifact_id = artifact.manifest.artifact_id,
@@ -68,7 +68,7 @@ std::expected<std::string, std::string> draft_of(const Artifact& artifact, std::
   const auto run = monitor::open_run(artifact.folder.path() + "/" + row.run_folder);
   if (!run) return std::unexpected(run.error());
   FailureWatch watch;
-  IncidentWatch incidents(run->robot);
+  incident::IncidentWatch incidents(run->robot);
   const auto scan = monitor::scan_run(*run, {.tick =
                                                  [&](const monitor::RecordedTick& tick) {
                                                    watch.tick(tick.record.header);
@@ -79,7 +79,7 @@ std::expected<std::string, std::string> draft_of(const Artifact& artifact, std::
                                              .keyframe = {},
                                              .loss = {}});
   if (!scan) return std::unexpected(scan.error());
-  monitor::add_counterfactuals(draft.incidents, *run);
+  evidence::add_counterfactuals(draft.incidents, *run);
   draft.incidents = monitor::by_gravity(std::move(draft.incidents));
   draft.ticks = &watch;
   const auto faults = monitor::classify_run(*run);
@@ -111,7 +111,7 @@ std::vector<TickRecordHeader> FailureWatch::around() const {
   return scene_.severity > 0 ? scene_.ticks : std::vector<TickRecordHeader>(latest_.begin(), latest_.end());
 }
 
-std::expected<bool, std::string> keep_post_mortem(const ArtifactFolder& folder, const RolloutRow& row,
+std::expected<bool, std::string> keep_post_mortem(const ArtifactFolder& folder, const evidence::RolloutRow& row,
                                                   std::string_view draft) {
   const std::string path = folder.post_mortem(row);
   std::error_code error;
@@ -125,7 +125,7 @@ std::expected<bool, std::string> keep_post_mortem(const ArtifactFolder& folder, 
 std::expected<std::size_t, std::string> draft_post_mortems(const Artifact& artifact) {
   std::size_t drafted = 0;
   for (std::size_t index = 0; index < artifact.rows.size(); ++index) {
-    const RolloutRow& row = artifact.rows[index];
+    const evidence::RolloutRow& row = artifact.rows[index];
     if (row.success || post_mortem_state(artifact, row) != PostMortemState::missing) continue;
     const auto text = draft_of(artifact, index);
     if (!text) return std::unexpected("row " + std::to_string(index + 1) + ": " + text.error());
@@ -156,11 +156,11 @@ std::string completed_by(std::string_view post_mortem) {
   return {};
 }
 
-PostMortemState post_mortem_state(const Artifact& artifact, const RolloutRow& row) {
+PostMortemState post_mortem_state(const Artifact& artifact, const evidence::RolloutRow& row) {
   const auto text = monitor::read_file(artifact.folder.post_mortem(row));
   if (!text) return PostMortemState::missing;
   if (completed_by(*text).empty()) return PostMortemState::drafted;
   return concluded_words(*text) < kConclusionWords ? PostMortemState::signed_only : PostMortemState::completed;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -18,7 +18,7 @@
 #include "lab/artifact/artifact.hpp"
 #include "monitor/record/run_messages.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 inline constexpr std::size_t kTicksBefore = 10, kTicksAfter = 10;
 
@@ -46,13 +46,13 @@ class FailureWatch {
 };
 
 struct PostMortemDraft {
-  const RolloutRow& row;
-  std::size_t row_number = 0;           // in rollouts.jsonl, from 1; 0: not known yet
-  std::string artifact_id{};            // empty: unfinished
-  std::string show_again{};             // command line that replays or repeats the rollout
-  const FailureWatch* ticks = nullptr;  // null: no records were kept
-  std::vector<std::string> verdicts;    // of the fault classifier, a sentence each
-  std::vector<Incident> incidents{};    // the gravest first
+  const evidence::RolloutRow& row;
+  std::size_t row_number = 0;                   // in rollouts.jsonl, from 1; 0: not known yet
+  std::string artifact_id{};                    // empty: unfinished
+  std::string show_again{};                     // command line that replays or repeats the rollout
+  const FailureWatch* ticks = nullptr;          // null: no records were kept
+  std::vector<std::string> verdicts;            // of the fault classifier, a sentence each
+  std::vector<incident::Incident> incidents{};  // the gravest first
 };
 std::string post_mortem_text(const PostMortemDraft& draft);
 // What the draft has below its heading `Conclusion`, before a person writes.
@@ -65,7 +65,7 @@ inline constexpr std::string_view kToConclude =
 std::expected<std::size_t, std::string> draft_post_mortems(const Artifact& artifact);
 
 // Keeps a draft as the row's postmortems/ID.md; false: there is one already, which stays as it is.
-std::expected<bool, std::string> keep_post_mortem(const ArtifactFolder& folder, const RolloutRow& row,
+std::expected<bool, std::string> keep_post_mortem(const ArtifactFolder& folder, const evidence::RolloutRow& row,
                                                   std::string_view draft);
 
 enum class PostMortemState : std::uint8_t {
@@ -74,10 +74,10 @@ enum class PostMortemState : std::uint8_t {
   signed_only,  // a name, and no conclusion
   completed,
 };
-PostMortemState post_mortem_state(const Artifact& artifact, const RolloutRow& row);
+PostMortemState post_mortem_state(const Artifact& artifact, const evidence::RolloutRow& row);
 // Who completed it; empty: it is not completed.
 std::string completed_by(std::string_view post_mortem);
 
 std::size_t words_in(std::string_view text);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -4,7 +4,7 @@
 
 #include "lab/judge/post_mortem.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 std::string number_or_none(const std::optional<double>& value, std::string_view unit) {
@@ -12,7 +12,7 @@ std::string number_or_none(const std::optional<double>& value, std::string_view 
 }
 
 std::string facts(const PostMortemDraft& draft) {
-  const RolloutRow& row = draft.row;
+  const evidence::RolloutRow& row = draft.row;
   std::string text = "| | |\n|---|---|\n";
   const auto add = [&](std::string_view name, const std::string& value) {
     text += fmt::format("| {} | {} |\n", name, value);
@@ -54,9 +54,9 @@ std::string incidents(const PostMortemDraft& draft) {
   constexpr std::size_t kShown = 10;
   std::string text;
   for (std::size_t index = 0; index < draft.incidents.size() && index < kShown; ++index) {
-    const Incident& incident = draft.incidents[index];
+    const incident::Incident& incident = draft.incidents[index];
     text += fmt::format("- {}\n", incident.sentence);
-    for (const IncidentLink& link : incident.chain)
+    for (const incident::IncidentLink& link : incident.chain)
       text +=
           fmt::format("  - tick {}, {:+.1f} ms: {}\n", link.tick, (link.at - incident.at).milliseconds(), link.what);
     if (!incident.counterfactual.empty()) text += fmt::format("  - {}\n", incident.counterfactual);
@@ -99,7 +99,7 @@ std::string ticks_table(const FailureWatch& ticks) {
 
 std::string post_mortem_text(const PostMortemDraft& draft) {
   std::string text = fmt::format("# Post-mortem: {}\n\n{}\n## Cause, as the records show it\n\n{}",
-                                 rollout_id(draft.row), facts(draft), causes(draft));
+                                 evidence::rollout_id(draft.row), facts(draft), causes(draft));
   text += incidents(draft);
   if (draft.ticks != nullptr) {
     text += "\n## Timeline\n\n" + timeline(*draft.ticks);
@@ -110,4 +110,4 @@ std::string post_mortem_text(const PostMortemDraft& draft) {
   return text + fmt::format("\n{}\n{}\n\n\ncompleted-by:\n", kConclusion, kToConclude);
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-namespace takt::panel {
+namespace takt::lab {
 
 bool RunAudit::is_consistent() const {
   // An output that the run does not record may have been anything.
@@ -18,7 +18,7 @@ bool RunAudit::is_ready() const {
 RunAudit audit_run(const monitor::RecordedRun& run) {
   return {.run_id = run.manifest.run_id,
           .seal = monitor::check_run_seal(run.folder),
-          .replay = monitor::replay(run, 0),
+          .replay = evidence::replay(run, 0),
           .vouching = {}};
 }
 
@@ -42,7 +42,7 @@ std::string audit_text(const RunAudit& audit) {
     line("replay", "missing: " + audit.replay.error());
     also("not replayed");
   } else {
-    const std::string said = monitor::replay_text(*audit.replay);
+    const std::string said = evidence::replay_text(*audit.replay);
     line("replay", said.substr(0, said.find('\n')));
     also(!audit.replay->reproduces()          ? "does not reproduce"
          : audit.replay->not_compared.empty() ? "replayed"
@@ -65,9 +65,9 @@ nlohmann::ordered_json to_json(const RunAudit& audit) {
                     {"segments", audit.seal->segments},
                     {"events_behind", audit.seal->events_behind},
                     {"altered", audit.seal->altered}};
-  if (audit.replay) json["replay"] = monitor::to_json(*audit.replay);
+  if (audit.replay) json["replay"] = evidence::to_json(*audit.replay);
   add_vouching(audit.vouching, json);
   return json;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -12,14 +12,14 @@
 #include "monitor/record/recorded_run.hpp"
 #include "monitor/record/run_seal.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 inline constexpr const char* kRunAuditSchema = "takt.run_audit/1";
 
 struct RunAudit {
   std::string run_id;
   std::expected<monitor::CheckedSeal, std::string> seal;
-  std::expected<monitor::ReplayReport, std::string> replay;
+  std::expected<evidence::ReplayReport, std::string> replay;
   Vouching vouching;
   // Sealed to its end, no file altered, every judged tick reproduces, with every output of it. A forger who edits every
   // file gets here.
@@ -33,4 +33,4 @@ RunAudit audit_run(const monitor::RecordedRun& run);
 std::string audit_text(const RunAudit& audit);
 nlohmann::ordered_json to_json(const RunAudit& audit);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

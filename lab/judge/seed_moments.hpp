@@ -2,7 +2,7 @@
 // Sums over seeds from which a mean over their pairs and its variance follow.
 #pragma once
 
-namespace takt::panel {
+namespace takt::lab {
 
 class SeedMoments {
  public:
@@ -35,4 +35,4 @@ class SeedMoments {
   double seeds_ = 0, sum_ = 0, pairs_ = 0, sum_squared_ = 0, sum_pairs_ = 0, pairs_squared_ = 0;
 };
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -5,7 +5,7 @@
 
 #include "monitor/record/run_manifest.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
@@ -51,4 +51,4 @@ void add_vouching(const Vouching& vouching, nlohmann::ordered_json& json) {
                                         : refusal(vouching.stamped->error());
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

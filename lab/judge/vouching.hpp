@@ -9,7 +9,7 @@
 
 #include "lab/artifact/time_stamp.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 struct Vouching {
   // Id of the key that the reader named, where it signed this; else why not. None: no key was named.
@@ -28,4 +28,4 @@ std::string vouching_rests(const Vouching& vouching);
 // `signed_by` and `stamped`; null where not asked for.
 void add_vouching(const Vouching& vouching, nlohmann::ordered_json& json);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -10,24 +10,26 @@
 #include "lab/judge/attest.hpp"
 #include "lab/panel/worker_pool.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr std::uint64_t kMostSeeds = 1'000'000;
 
-const AttestedCondition* condition_of(const Attestation& attestation, const RolloutRow& row) {
-  const auto found = std::ranges::find_if(attestation.conditions, [&](const AttestedCondition& one) {
+const evidence::AttestedCondition* condition_of(const evidence::Attestation& attestation,
+                                                const evidence::RolloutRow& row) {
+  const auto found = std::ranges::find_if(attestation.conditions, [&](const evidence::AttestedCondition& one) {
     return one.perturbation == row.perturbation && one.dose == row.dose;
   });
   return found == attestation.conditions.end() ? nullptr : &*found;
 }
 
 // Empty: it is what the attestation says of it.
-std::string difference(const Attestation& attestation, const RolloutRow& row, const config::RobotConfig& robot) {
+std::string difference(const evidence::Attestation& attestation, const evidence::RolloutRow& row,
+                       const config::RobotConfig& robot) {
   const Bearing now = bearing_of(row, attestation.of, robot);
-  const AttestedCondition* const condition = condition_of(attestation, row);
+  const evidence::AttestedCondition* const condition = condition_of(attestation, row);
   if (condition == nullptr) return now.came_to_it ? "came to it, and the attestation leaves out its condition" : "";
-  const auto said = std::ranges::find(condition->trials, row.seed, &AttestedTrial::seed);
+  const auto said = std::ranges::find(condition->trials, row.seed, &evidence::AttestedTrial::seed);
   const bool is_said = said != condition->trials.end();
   if (now.is_trial && !is_said) return "is a trial that the attestation leaves out";
   if (!now.is_trial) return is_said ? "is no trial, and the attestation has it as one" : "";
@@ -46,19 +48,19 @@ std::string difference(const Attestation& attestation, const RolloutRow& row, co
 
 }  // namespace
 
-std::expected<Panel, std::string> attested_panel(const Attestation& attestation) {
+std::expected<Panel, std::string> attested_panel(const evidence::Attestation& attestation) {
   auto read = panel_of(attestation.panel_text, "panel_text");
   if (!read) return read;
   Panel& panel = *read;
   std::erase_if(panel.methods, [&](const PanelMethod& one) { return one.name != attestation.method; });
   std::erase_if(panel.tasks, [&](const PanelTask& one) {
-    return kTaskNames[static_cast<std::size_t>(one.task)] != attestation.task;
+    return evidence::kTaskNames[static_cast<std::size_t>(one.task)] != attestation.task;
   });
   if (panel.methods.empty() || panel.tasks.empty())
     return std::unexpected(
         fmt::format("its panel has no method {} in a task {}", attestation.method, attestation.task));
-  for (const AttestedCondition& condition : attestation.conditions)
-    for (const AttestedTrial& trial : condition.trials) {
+  for (const evidence::AttestedCondition& condition : attestation.conditions)
+    for (const evidence::AttestedTrial& trial : condition.trials) {
       if (trial.seed < panel.first_seed || trial.seed - panel.first_seed >= kMostSeeds)
         return std::unexpected(
             fmt::format("it names seed {}, and the panel's begin at {}", trial.seed, panel.first_seed));
@@ -67,10 +69,10 @@ std::expected<Panel, std::string> attested_panel(const Attestation& attestation)
   return read;
 }
 
-std::expected<Recomputed, std::string> recompute(const Attestation& attestation, Contest& contest,
+std::expected<Recomputed, std::string> recompute(const evidence::Attestation& attestation, Contest& contest,
                                                  const std::vector<PlannedRollout>& drawn, std::size_t workers) {
   const config::RobotConfig& robot = contest.contestant({}).robot;
-  if (const std::string why = shortcoming(attestation, robot, attestation.of); !why.empty())
+  if (const std::string why = evidence::shortcoming(attestation, robot, attestation.of); !why.empty())
     return std::unexpected(why);
   Recomputed result{.rows = 0, .of = plan_of(contest.panel(), {}).size(), .differences = {}};
   const auto compare = [&](const RanRollout& ran) -> std::expected<void, std::string> {
@@ -84,4 +86,4 @@ std::expected<Recomputed, std::string> recompute(const Attestation& attestation,
   return result;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -15,14 +15,14 @@
 #include "lab/judge/audit.hpp"
 #include "lab/panel/panel_plan.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 // Its panel, with its method, its task and every seed that it names. The robot is still to be named.
-std::expected<Panel, std::string> attested_panel(const Attestation& attestation);
+std::expected<Panel, std::string> attested_panel(const evidence::Attestation& attestation);
 
 // Outcomes are compared; hashes over all ticks only where this program is of the same sources. Refused where the
 // contest's robot is not the attested one.
-std::expected<Recomputed, std::string> recompute(const Attestation& attestation, Contest& contest,
+std::expected<Recomputed, std::string> recompute(const evidence::Attestation& attestation, Contest& contest,
                                                  const std::vector<PlannedRollout>& drawn, std::size_t workers);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -11,7 +11,7 @@
 #include "evidence/rollout/method.hpp"
 #include "lab/judge/paired_statistics.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 struct Duel {
@@ -43,22 +43,22 @@ std::string line(std::string_view task, std::string_view perturbation, const std
 }
 
 bool is_rival(const std::string& method) {
-  const BuiltInMethod* const built_in = find_built_in(method);
-  return built_in != nullptr && built_in->which != BuiltIn::takt;
+  const evidence::BuiltInMethod* const built_in = evidence::find_built_in(method);
+  return built_in != nullptr && built_in->which != evidence::BuiltIn::takt;
 }
 
 }  // namespace
 
-std::string harm_table(std::span<const RolloutRow> rows) {
-  std::map<PairKey, bool> takt;
-  for (const RolloutRow& row : rows)
-    if (row.method == "takt") takt.emplace(pair_key(row), row.success);
+std::string harm_table(std::span<const evidence::RolloutRow> rows) {
+  std::map<evidence::PairKey, bool> takt;
+  for (const evidence::RolloutRow& row : rows)
+    if (row.method == "takt") takt.emplace(evidence::pair_key(row), row.success);
   using Cell = std::tuple<std::string, std::string, double, std::string>;  // task, perturbation, dose, rival
   std::vector<Cell> order;
   std::map<Cell, Duel> cells;
   std::map<std::string, std::pair<Duel, Duel>> sums;  // nominal, and all others
-  for (const RolloutRow& row : rows) {
-    const auto found = takt.find(pair_key(row));
+  for (const evidence::RolloutRow& row : rows) {
+    const auto found = takt.find(evidence::pair_key(row));
     if (!is_rival(row.method) || found == takt.end()) continue;
     const Cell cell{row.task, row.perturbation, row.dose, row.method};
     const auto [duel, is_new] = cells.try_emplace(cell);
@@ -82,4 +82,4 @@ std::string harm_table(std::span<const RolloutRow> rows) {
   return table;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -8,7 +8,7 @@
 
 #include "evidence/rollout/rollout_row.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 inline constexpr double kHarmMargin = 0.02;  // of success: what takt may fall short of a rival by
 
@@ -16,6 +16,6 @@ inline constexpr double kHarmMargin = 0.02;  // of success: what takt may fall s
 // reads the 95 % interval of takt's success less the rival's: `holds` where all of it lies above minus the margin,
 // `fails` where all of it lies below, else `open`; `better` where it lies above zero. Empty where the rows hold no
 // method takt, or none of its rivals.
-std::string harm_table(std::span<const RolloutRow> rows);
+std::string harm_table(std::span<const evidence::RolloutRow> rows);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -16,7 +16,7 @@
 #include "lab/artifact/inputs.hpp"
 #include "monitor/record/bounded_file.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 namespace fs = std::filesystem;
@@ -91,7 +91,7 @@ std::expected<void, std::string> keep_task(const Contest& contest, std::size_t t
                                            KeptInputs& inputs) {
   const Panel& panel = contest.panel();
   const PanelTask& one = panel.tasks[task];
-  KeptInputs::Hashes& kept = inputs.tasks[std::string(kTaskNames[static_cast<std::size_t>(one.task)])];
+  KeptInputs::Hashes& kept = inputs.tasks[std::string(evidence::kTaskNames[static_cast<std::size_t>(one.task)])];
   const auto robot = config::load(panel.robot.empty() ? one.robot : panel.robot);
   if (!robot) return std::unexpected(robot.error().substr(0, robot.error().find('\n')));
   auto written = keep_content(folder, robot->resolved);
@@ -189,4 +189,4 @@ UnpackedInputs::~UnpackedInputs() {
   if (!path_.empty()) fs::remove_all(path_, ignored);
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -13,7 +13,7 @@
 #include "lab/artifact/artifact.hpp"
 #include "lab/panel/panel_plan.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 // The files that a command for /bin/sh names, as far as its words are paths; its program, if a path says which. What
 // those import is not seen.
@@ -40,4 +40,4 @@ class UnpackedInputs {
   std::map<std::string, std::string> robots_;
 };
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -14,7 +14,7 @@
 #include "config/document.hpp"
 #include "config/reader.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using config::Dimension;
@@ -27,7 +27,7 @@ constexpr std::int64_t kMostSeed = (std::int64_t{1} << 53) - 1;  // every reader
 
 std::vector<std::string_view> perturbation_names() {
   std::vector<std::string_view> names;
-  for (const PerturbationKind& kind : perturbation_kinds()) names.push_back(kind.name);
+  for (const evidence::PerturbationKind& kind : evidence::perturbation_kinds()) names.push_back(kind.name);
   return names;
 }
 
@@ -38,7 +38,7 @@ void describe_overrides(Fields& fields, const char* what, std::vector<config::Ov
   });
 }
 
-void describe_base_velocity(Fields& fields, BaseVelocityTask& task) {
+void describe_base_velocity(Fields& fields, evidence::BaseVelocityTask& task) {
   std::vector<double> command(task.command.begin(), task.command.end());
   fields.quantities({"command", "m/s ahead, m/s to the left, rad/s to the left", "[0.5, 0, 0]"}, command,
                     Dimension::none, config::any_value(), {.low = 3, .high = 3, .of = "value"});
@@ -52,7 +52,7 @@ void describe_base_velocity(Fields& fields, BaseVelocityTask& task) {
 }
 
 void describe_task(Fields& fields, PanelTask& task) {
-  fields.choice({"task", "what the robot has to do"}, task.task, kTaskNames);
+  fields.choice({"task", "what the robot has to do"}, task.task, evidence::kTaskNames);
   fields.text({"robot", "robot file; a relative path starts at this file's folder"}, task.robot);
   fields.duration({"scored", "the last part of a rollout, by which it is judged"}, task.scored, milliseconds(1),
                   kLongest);
@@ -63,13 +63,13 @@ void describe_task(Fields& fields, PanelTask& task) {
   fields.quantity(
       {"mode_spread", "how far the outer modes have drifted at a chunk's end, in units of its outputs", "0"},
       task.mode_spread, Dimension::none, config::between(0, 10));
-  if (task.task == Task::base_velocity) describe_base_velocity(fields, task.base_velocity);
+  if (task.task == evidence::Task::base_velocity) describe_base_velocity(fields, task.base_velocity);
   describe_overrides(fields, "keys of the robot file said otherwise, for every method", task.overrides);
 }
 
 void describe_method(Fields& fields, PanelMethod& method) {
   fields.identifier({"name", "of the method in rows and tables"}, method.name);
-  const BuiltInMethod* const built_in = find_built_in(method.name);
+  const evidence::BuiltInMethod* const built_in = evidence::find_built_in(method.name);
   if (built_in != nullptr) {
     method.description = built_in->description;
     method.method.built_in = built_in->which;
@@ -83,7 +83,7 @@ void describe_method(Fields& fields, PanelMethod& method) {
 
 void describe_trouble(Fields& fields, PanelPerturbation& one, const Panel& panel) {
   fields.one_of({"kind", "name in the table of perturbations"}, one.kind, perturbation_names(), "perturbation");
-  const PerturbationKind* const kind = find_perturbation(one.kind);
+  const evidence::PerturbationKind* const kind = evidence::find_perturbation(one.kind);
   if (kind == nullptr) return;
   one.dose = kind->moderate;
   one.from = panel.window_from;
@@ -97,10 +97,11 @@ void describe_trouble(Fields& fields, PanelPerturbation& one, const Panel& panel
 
 void describe_perturbation(Fields& fields, PanelPerturbation& one, const Panel& panel) {
   describe_trouble(fields, one, panel);
-  if (find_perturbation(one.kind) == nullptr) return;
+  if (evidence::find_perturbation(one.kind) == nullptr) return;
   fields.text({"load", "gpu_contention with --real-time: command that keeps the GPU busy", "none", true}, one.load);
-  fields.references({"tasks", "which tasks it troubles; empty: every one", "[]"}, one.tasks, kTaskNames, "task");
-  fields.each({"with", "what acts besides, each in a window of its own", "[]"}, one.with, kTroubleCount,
+  fields.references({"tasks", "which tasks it troubles; empty: every one", "[]"}, one.tasks, evidence::kTaskNames,
+                    "task");
+  fields.each({"with", "what acts besides, each in a window of its own", "[]"}, one.with, evidence::kTroubleCount,
               [&](Fields& f, PanelPerturbation& besides) { describe_trouble(f, besides, panel); });
 }
 
@@ -110,7 +111,7 @@ void describe_claims(Fields& fields, Claims& claims) {
   fields.text({"evidence", "which measurement would convince a sceptical builder"}, claims.evidence);
 }
 
-void describe_timing(Fields& fields, PolicyTiming& timing) {
+void describe_timing(Fields& fields, evidence::PolicyTiming& timing) {
   fields.duration({"inference", "mean time of one inference", "8 ms"}, timing.inference, {}, seconds(60));
   fields.quantity({"spread", "standard deviation of its logarithm; 0: always the mean", "0.25"}, timing.spread,
                   Dimension::none, config::between(0, 3));
@@ -145,7 +146,8 @@ void describe(Fields& fields, Panel& panel) {
   bool claims = false;
   fields.optional_section({"claims", "what the panel is meant to show"}, claims,
                           [&](Fields& f) { describe_claims(f, panel.claims); });
-  fields.each({"tasks", "what is to be done, and on which robot"}, panel.tasks, kTaskNames.size(), describe_task);
+  fields.each({"tasks", "what is to be done, and on which robot"}, panel.tasks, evidence::kTaskNames.size(),
+              describe_task);
   fields.each({"methods", "what is compared"}, panel.methods, kMost, describe_method);
   fields.each({"perturbations", "what troubles the rollouts; `none` is the nominal one"}, panel.perturbations, kMost,
               [&](Fields& f, PanelPerturbation& one) { describe_perturbation(f, one, panel); });
@@ -165,7 +167,7 @@ bool is_of_the_world(std::string_view key) {
 
 void check_tasks_and_methods(const Panel& panel, config::Checker& checker) {
   checker.require(is_lower_case(panel.name), "panel", "has capital letters; rows hold small ones only");
-  std::set<Task> seen;
+  std::set<evidence::Task> seen;
   for (std::size_t i = 0; i < panel.tasks.size(); ++i) {
     const std::string path = fmt::format("tasks[{}]", i);
     checker.require(seen.insert(panel.tasks[i].task).second, path + ".task", "is in the list twice; keep one");
@@ -176,8 +178,9 @@ void check_tasks_and_methods(const Panel& panel, config::Checker& checker) {
     const PanelMethod& method = panel.methods[i];
     const std::string name = fmt::format("methods[{}].name", i);
     checker.require(is_lower_case(method.name), name, "has capital letters; rows hold small ones only");
-    checker.require(find_built_in(method.name) == nullptr || (method.overrides.empty() && !method.repeat_last), name,
-                    "is a built-in method's name, which takes no `override` and no `link`; choose another name");
+    checker.require(
+        evidence::find_built_in(method.name) == nullptr || (method.overrides.empty() && !method.repeat_last), name,
+        "is a built-in method's name, which takes no `override` and no `link`; choose another name");
     for (std::size_t k = 0; k < method.overrides.size(); ++k)
       checker.require(!is_of_the_world(method.overrides[k].key), fmt::format("methods[{}].override[{}].key", i, k),
                       fmt::format("`{}` would give this method a world of its own; override it in the task",
@@ -207,7 +210,7 @@ void check_with(const Panel& panel, const PanelPerturbation& one, const std::str
 }
 
 void check_perturbations(const Panel& panel, config::Checker& checker) {
-  std::set<std::tuple<std::string, double, Task>> seen;
+  std::set<std::tuple<std::string, double, evidence::Task>> seen;
   for (std::size_t i = 0; i < panel.perturbations.size(); ++i) {
     const PanelPerturbation& one = panel.perturbations[i];
     const std::string path = fmt::format("perturbations[{}]", i);
@@ -215,8 +218,9 @@ void check_perturbations(const Panel& panel, config::Checker& checker) {
       checker.require(!one.troubles(task.task) || seen.insert({one.name(), one.dose, task.task}).second, path + ".kind",
                       "is in the list twice with the same dose; keep one");
     for (const std::size_t wanted : one.tasks)
-      checker.require(std::ranges::find(panel.tasks, static_cast<Task>(wanted), &PanelTask::task) != panel.tasks.end(),
-                      path + ".tasks", "names a task that this panel does not have; drop it, or add the task");
+      checker.require(
+          std::ranges::find(panel.tasks, static_cast<evidence::Task>(wanted), &PanelTask::task) != panel.tasks.end(),
+          path + ".tasks", "names a task that this panel does not have; drop it, or add the task");
     checker.require(one.load.empty() || one.kind == "gpu_contention", path + ".load",
                     "only `gpu_contention` runs a command; leave it out");
     check_trouble(panel, one, path, checker);
@@ -236,8 +240,8 @@ std::string PanelPerturbation::name() const {
   return name;
 }
 
-Perturbation PanelPerturbation::resolved() const {
-  Perturbation made{find_perturbation(kind)->trouble, dose, from, length, load, body, {}};
+evidence::Perturbation PanelPerturbation::resolved() const {
+  evidence::Perturbation made{evidence::find_perturbation(kind)->trouble, dose, from, length, load, body, {}};
   for (const PanelPerturbation& besides : with) made.with.push_back(besides.resolved());
   return made;
 }
@@ -272,4 +276,4 @@ std::expected<Panel, std::string> panel_of(const std::string& text, const std::s
   return panel;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -17,37 +17,37 @@
 #include "evidence/rollout/rollout.hpp"
 #include "lab/artifact/artifact_manifest.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 inline constexpr std::string_view kPanelSchema = "takt.panel/1";
 
 struct PanelTask {
-  Task task = Task::arm_tracking;
+  evidence::Task task = evidence::Task::arm_tracking;
   std::string robot;  // path of the robot file, as found from here
   Duration scored;
   double bound_m = 0;
   std::uint32_t modes = 1;  // of its policy, as in PolicyTiming
   double mode_spread = 0;
-  std::vector<config::Override> overrides{};  // of the robot file, for every method
-  BaseVelocityTask base_velocity{};           // of that task only
+  std::vector<config::Override> overrides{};   // of the robot file, for every method
+  evidence::BaseVelocityTask base_velocity{};  // of that task only
 };
 
 struct PanelMethod {
   std::string name, description;
   bool repeat_last = false;
   std::vector<config::Override> overrides;
-  Method method{};  // by its name, where that is a built-in method's
+  evidence::Method method{};  // by its name, where that is a built-in method's
 };
 
 struct PanelPerturbation {
-  std::string kind{perturbation_kinds().front().name};
+  std::string kind{evidence::perturbation_kinds().front().name};
   double dose = 0;
   Duration from, length;
   std::vector<std::size_t> tasks{};       // as Task; empty: every task of the panel
   std::string load{};                     // gpu_contention only
   std::string body{};                     // push and payload only
   std::vector<PanelPerturbation> with{};  // act besides; theirs are empty
-  [[nodiscard]] bool troubles(Task task) const {
+  [[nodiscard]] bool troubles(evidence::Task task) const {
     return tasks.empty() || std::ranges::find(tasks, static_cast<std::size_t>(task)) != tasks.end();
   }
   // In rows and tables: `push`, or `push-with-can_loss-0.1`.
@@ -55,7 +55,7 @@ struct PanelPerturbation {
   [[nodiscard]] bool has(std::string_view wanted) const {
     return kind == wanted || std::ranges::find(with, wanted, &PanelPerturbation::kind) != with.end();
   }
-  [[nodiscard]] Perturbation resolved() const;
+  [[nodiscard]] evidence::Perturbation resolved() const;
 };
 
 struct Panel {
@@ -65,7 +65,7 @@ struct Panel {
   std::string name;
   Duration duration;
   std::uint64_t first_seed = 1, seed_count = 1;
-  PolicyTiming timing;
+  evidence::PolicyTiming timing;
   Duration window_from, window_length;  // of perturbations that say nothing else
   std::optional<Duration> rearm_after;  // operator: from a stop or fault to the next arming; empty: none
   std::string robot{};                  // instead of every task's own; empty: the file's hold
@@ -79,4 +79,4 @@ std::expected<Panel, std::string> load_panel(const std::string& path);
 // Of its text: as if it lay at `path`.
 std::expected<Panel, std::string> panel_of(const std::string& text, const std::string& path);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -19,7 +19,7 @@
 #include "policy_host/engines/load_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 // The parts of the canonical robot file that say what the simulated world is, whatever a method overrides elsewhere.
@@ -59,8 +59,8 @@ std::expected<void, std::string> give_network(Contestant& made) {
 }
 
 // Does it take the robot? It is started again where it rolls out.
-std::expected<void, std::string> give_program(Contestant& made, const OutsideProcesses& outside) {
-  made.program = std::make_unique<PolicyProcess>(outside.policy, outside.policy_may);
+std::expected<void, std::string> give_program(Contestant& made, const evidence::OutsideProcesses& outside) {
+  made.program = std::make_unique<evidence::PolicyProcess>(outside.policy, outside.policy_may);
   auto begun = made.program->begin(made.robot, made.policy_hash);
   made.program->end();
   return begun;
@@ -68,7 +68,8 @@ std::expected<void, std::string> give_program(Contestant& made, const OutsidePro
 
 // `world`: what the process that plays the mechanics calls itself; empty: none does.
 std::expected<Contestant, std::string> make_contestant(const config::RobotConfig& base, const PanelMethod& method,
-                                                       const std::string& world, const OutsideProcesses& outside) {
+                                                       const std::string& world,
+                                                       const evidence::OutsideProcesses& outside) {
   auto robot = config::with_overrides(base, method.overrides);
   if (!robot) return std::unexpected(robot.error());
   if (const auto fine = policy_host::check_policy_section(*robot); !fine) return std::unexpected(fine.error());
@@ -81,7 +82,7 @@ std::expected<Contestant, std::string> make_contestant(const config::RobotConfig
   made.policy_hash = config::leading_64_bits(made.policy_sha256);
   if (const auto given = outside.policy.empty() ? give_network(made) : give_program(made, outside); !given)
     return std::unexpected(given.error());
-  auto fallback = load_fallback_host(made.robot);
+  auto fallback = evidence::load_fallback_host(made.robot);
   if (!fallback) return std::unexpected(fallback.error());
   made.fallback = std::move(*fallback);
   auto plant = plant_sha256_of(base, world);
@@ -98,8 +99,9 @@ std::string joints_problem(const Panel& panel, const config::RobotConfig& robot)
 }
 
 // What the world calls itself; empty: there is none.
-std::expected<std::string, std::string> ask(plant::WorldProcess* world, const config::RobotConfig& robot, Task task) {
-  if (world == nullptr && task == Task::world)
+std::expected<std::string, std::string> ask(simulation::WorldProcess* world, const config::RobotConfig& robot,
+                                            evidence::Task task) {
+  if (world == nullptr && task == evidence::Task::world)
     return std::unexpected(robot.file + ": task world needs a process that plays it; name it by --world");
   if (world == nullptr) return std::string();
   if (!robot.simulation) return std::unexpected(robot.file + ": no `simulation`: a world needs its step");
@@ -110,7 +112,7 @@ std::expected<std::string, std::string> ask(plant::WorldProcess* world, const co
 
 class HostMeter {
  public:
-  void fill(Duration simulated, HostMeasured& host) const {
+  void fill(Duration simulated, evidence::HostMeasured& host) const {
     host.wall_s = seconds_of(CLOCK_MONOTONIC) - wall_;
     host.cpu_s = seconds_of(CLOCK_PROCESS_CPUTIME_ID) - cpu_;
     rusage usage{};
@@ -143,10 +145,10 @@ std::vector<PlannedRollout> plan_of(const Panel& panel, const Shard& shard) {
   return plan;
 }
 
-std::expected<Contest, std::string> Contest::prepare(Panel panel, const OutsideProcesses& outside) {
+std::expected<Contest, std::string> Contest::prepare(Panel panel, const evidence::OutsideProcesses& outside) {
   Contest contest(std::move(panel));
   contest.outside_ = outside;
-  if (!outside.world.empty()) contest.world_ = std::make_unique<plant::WorldProcess>(outside.world);
+  if (!outside.world.empty()) contest.world_ = std::make_unique<simulation::WorldProcess>(outside.world);
   std::string problems;
   const auto note = [&](const std::string& what) { problems += (problems.empty() ? "" : "\n") + what; };
   for (const PanelTask& task : contest.panel_.tasks) {
@@ -183,13 +185,13 @@ void Contest::clean_up() {
     if (contestant.program) contestant.program->end();
 }
 
-RolloutRow Contest::identity(const PlannedRollout& planned) const {
+evidence::RolloutRow Contest::identity(const PlannedRollout& planned) const {
   const Contestant& who = contestant(planned);
   const PanelPerturbation& perturbation = panel_.perturbations[planned.perturbation];
-  RolloutRow row;
+  evidence::RolloutRow row;
   row.panel = panel_.name;
   row.panel_sha256 = panel_.sha256;
-  row.task = kTaskNames[static_cast<std::size_t>(panel_.tasks[planned.task].task)];
+  row.task = evidence::kTaskNames[static_cast<std::size_t>(panel_.tasks[planned.task].task)];
   row.method = panel_.methods[planned.method].name;
   row.seed = planned.seed;
   row.perturbation = perturbation.name();
@@ -216,26 +218,27 @@ ArtifactManifest Contest::manifest(std::size_t planned) const {
     for (std::size_t method = 0; method < panel_.methods.size(); ++method) {
       const Contestant& who = contestant({.task = task, .method = method});
       const config::Freshness& freshness = who.robot.freshness;
-      const std::string name(kTaskNames[static_cast<std::size_t>(panel_.tasks[task].task)]);
+      const std::string name(evidence::kTaskNames[static_cast<std::size_t>(panel_.tasks[task].task)]);
       made.plants[name] = who.plant_sha256;
       MethodFacts& facts = made.methods[panel_.methods[method].name];
       facts.description = panel_.methods[method].description;
-      facts.tasks[name] = {who.robot.sha256, who.policy_sha256,
-                           own_max_age(panel_.methods[method].method).value_or(freshness.max_age).milliseconds(),
-                           freshness.epsilon, freshness.confidence};
+      facts.tasks[name] = {
+          who.robot.sha256, who.policy_sha256,
+          evidence::own_max_age(panel_.methods[method].method).value_or(freshness.max_age).milliseconds(),
+          freshness.epsilon, freshness.confidence};
     }
   }
   return made;
 }
 
-RolloutSetup Contest::setup_of(const PlannedRollout& planned) const {
+evidence::RolloutSetup Contest::setup_of(const PlannedRollout& planned) const {
   const Contestant& who = contestant(planned);
   const PanelTask& task = panel_.tasks[planned.task];
-  PolicyTiming timing = panel_.timing;
+  evidence::PolicyTiming timing = panel_.timing;
   timing.modes = task.modes;
   timing.mode_spread = task.mode_spread;
   return {.robot = who.robot,
-          .policy = who.program ? Answering(*who.program) : Answering(*who.policy),
+          .policy = who.program ? evidence::Answering(*who.program) : evidence::Answering(*who.policy),
           .policy_hash = who.policy_hash,
           .fallback = who.fallback.get(),
           .task = task.task,
@@ -255,7 +258,7 @@ RolloutSetup Contest::setup_of(const PlannedRollout& planned) const {
 RolloutWatch::RolloutWatch(const config::RobotConfig& robot)
     : classifier_(monitor::fault_rules_of(robot)), monitors_(robot), incidents_(robot) {}
 
-void RolloutWatch::shown(const ShownSample& shown) {
+void RolloutWatch::shown(const evidence::ShownSample& shown) {
   const SensorSample& sample = shown.sample;
   if (shown.pixels.empty())
     classifier_.sample(shown.sensor, sample.sequence, sample.sensed_at, {sample.values, sample.value_count});
@@ -266,22 +269,22 @@ void RolloutWatch::shown(const ShownSample& shown) {
 
 std::expected<RanRollout, std::string> Contest::run(const PlannedRollout& planned) {
   const HostMeter meter;
-  RolloutRow row = identity(planned);
+  evidence::RolloutRow row = identity(planned);
   RolloutWatch watch(contestant(planned).robot);
-  RolloutSetup setup = setup_of(planned);
+  evidence::RolloutSetup setup = setup_of(planned);
   setup.on_command = [&](const CommandChunk& chunk) { watch.command(chunk); };
   setup.on_tick = [&](const TickRecord& record) { watch.tick(record); };
-  setup.on_shown = [&](const ShownSample& shown) { watch.shown(shown); };
+  setup.on_shown = [&](const evidence::ShownSample& shown) { watch.shown(shown); };
   std::string end;
-  setup.on_world_end = [&](const plant::WorldEnd& ended) { end = ended.sentence; };
+  setup.on_world_end = [&](const simulation::WorldEnd& ended) { end = ended.sentence; };
   setup.on_silence = [&](const std::string& why) { end = why; };
-  if (const auto done = run_rollout(setup, row); !done) return std::unexpected(done.error());
+  if (const auto done = evidence::run_rollout(setup, row); !done) return std::unexpected(done.error());
   RanRollout ran = conclude(std::move(row), watch, end);
   meter.fill(panel_.duration, ran.row.host);
   return ran;
 }
 
-RanRollout Contest::conclude(RolloutRow row, RolloutWatch& watch, const std::string& end) const {
+RanRollout Contest::conclude(evidence::RolloutRow row, RolloutWatch& watch, const std::string& end) const {
   const monitor::FaultSummary faults = watch.classifier_.finish();
   row.leading_fault = leading_fault(faults);
   row.fault_verdicts = faults.total();
@@ -298,18 +301,19 @@ RanRollout Contest::conclude(RolloutRow row, RolloutWatch& watch, const std::str
   };
   std::string grants;
   for (const std::string& word : policy_host::grant_options(outside_.policy_may)) grants += " '" + word + "'";
-  PostMortemDraft draft{.row = ran.row,
-                        .show_again = fmt::format(
-                            "takt panel run {}{}{}{}{} --only {} --out again  # panel: SHA-256 {}", panel_.file,
-                            panel_.robot.empty() ? "" : " --robot " + panel_.robot, option("--world", outside_.world),
-                            option("--policy-host", outside_.policy), grants, rollout_id(ran.row), panel_.sha256),
-                        .ticks = &watch.failure_,
-                        .verdicts = {},
-                        .incidents = monitor::by_gravity(std::move(watch.told_))};
+  PostMortemDraft draft{
+      .row = ran.row,
+      .show_again =
+          fmt::format("takt panel run {}{}{}{}{} --only {} --out again  # panel: SHA-256 {}", panel_.file,
+                      panel_.robot.empty() ? "" : " --robot " + panel_.robot, option("--world", outside_.world),
+                      option("--policy-host", outside_.policy), grants, evidence::rollout_id(ran.row), panel_.sha256),
+      .ticks = &watch.failure_,
+      .verdicts = {},
+      .incidents = monitor::by_gravity(std::move(watch.told_))};
   if (!end.empty()) draft.verdicts.push_back(end);
   for (const monitor::FaultVerdict& verdict : faults.verdicts) draft.verdicts.push_back(verdict.sentence);
   ran.post_mortem = post_mortem_text(draft);
   return ran;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

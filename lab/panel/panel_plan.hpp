@@ -22,7 +22,7 @@
 #include "monitor/judge/run_metrics.hpp"
 #include "policy_host/policy.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 // Indices into the panel's lists.
 struct PlannedRollout {
@@ -40,16 +40,16 @@ std::vector<PlannedRollout> plan_of(const Panel& panel, const Shard& shard);
 // One method on one task.
 struct Contestant {
   config::RobotConfig robot;
-  std::unique_ptr<policy_host::Policy> policy;  // null: a program
-  std::unique_ptr<PolicyProcess> program;       // null: a network
-  std::unique_ptr<FallbackHost> fallback;       // null: the robot has none
+  std::unique_ptr<policy_host::Policy> policy;       // null: a program
+  std::unique_ptr<evidence::PolicyProcess> program;  // null: a network
+  std::unique_ptr<evidence::FallbackHost> fallback;  // null: the robot has none
   std::uint64_t policy_hash = 0;
   std::string policy_sha256, plant_sha256;
 };
 
 struct RanRollout {
-  RolloutRow row;           // whole, host fields too
-  std::string post_mortem;  // draft (post_mortem.hpp); empty on success
+  evidence::RolloutRow row;  // whole, host fields too
+  std::string post_mortem;   // draft (post_mortem.hpp); empty on success
 };
 
 // What a rollout's ticks say besides its measures: faults by name, and the scene of a failure.
@@ -64,7 +64,7 @@ class RolloutWatch {
     classifier_.command(command);
     monitors_.command(command);
   }
-  void shown(const ShownSample& shown);
+  void shown(const evidence::ShownSample& shown);
   void input(const monitor::RecordedPolicyInput& input) { classifier_.input(input); }
   void image(const monitor::ShownImage& image) { classifier_.image(image); }
   void tick(const TickRecord& record) {
@@ -80,15 +80,15 @@ class RolloutWatch {
   FailureWatch failure_;
   monitor::FaultClassifier classifier_;
   monitor::ChunkMonitors monitors_;
-  IncidentWatch incidents_;
-  std::vector<Incident> told_;
+  incident::IncidentWatch incidents_;
+  std::vector<incident::Incident> told_;
 };
 
 class Contest {
  public:
   // `outside`: for every method. World and policy are asked whether they play with these robots. The error: one problem
   // per line, each naming panel, method and key.
-  static std::expected<Contest, std::string> prepare(Panel panel, const OutsideProcesses& outside = {});
+  static std::expected<Contest, std::string> prepare(Panel panel, const evidence::OutsideProcesses& outside = {});
 
   [[nodiscard]] const Panel& panel() const { return panel_; }
   // Of an artifact that holds `planned` rollouts of the panel.
@@ -98,21 +98,21 @@ class Contest {
   // Of what run() started: a process leaves nothing behind.
   void clean_up();
   // As run() fills it, before anything has run: names the rollout.
-  [[nodiscard]] RolloutRow identity(const PlannedRollout& planned) const;
+  [[nodiscard]] evidence::RolloutRow identity(const PlannedRollout& planned) const;
   [[nodiscard]] const Contestant& contestant(const PlannedRollout& planned) const {
     return contestants_[planned.task * panel_.methods.size() + planned.method];
   }
   // A row that is whole but for its verdicts, and what was watched besides: verdicts and the draft are added.
   // `end`: of the world that played it, a sentence, or empty.
-  [[nodiscard]] RanRollout conclude(RolloutRow row, RolloutWatch& watch, const std::string& end = {}) const;
+  [[nodiscard]] RanRollout conclude(evidence::RolloutRow row, RolloutWatch& watch, const std::string& end = {}) const;
 
  private:
   explicit Contest(Panel panel) : panel_(std::move(panel)) {}
-  [[nodiscard]] RolloutSetup setup_of(const PlannedRollout& planned) const;
+  [[nodiscard]] evidence::RolloutSetup setup_of(const PlannedRollout& planned) const;
   Panel panel_;
-  OutsideProcesses outside_;
-  std::unique_ptr<plant::WorldProcess> world_;  // null: none
-  std::vector<Contestant> contestants_;         // task by task
+  evidence::OutsideProcesses outside_;
+  std::unique_ptr<simulation::WorldProcess> world_;  // null: none
+  std::vector<Contestant> contestants_;              // task by task
 };
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -8,7 +8,7 @@
 #include "config/units.hpp"
 #include "lab/panel/panel_file.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 void take(std::span<const config::Override> overrides, PanelPromise::Contract& contract) {
@@ -29,7 +29,7 @@ PanelPromise::Configuration configuration_of(const PanelMethod& method) {
   PanelPromise::Configuration said;
   for (const config::Override& one : method.overrides) said[one.key] = one.value;
   if (method.repeat_last) said["link"] = "repeat_last";
-  if (method.method.built_in != BuiltIn::takt || method.method.without) said["built in"] = method.name;
+  if (method.method.built_in != evidence::BuiltIn::takt || method.method.without) said["built in"] = method.name;
   return said;
 }
 
@@ -47,20 +47,20 @@ std::expected<PanelPromise, std::string> panel_promise_of(const std::string& tex
   PanelPromise promise{.claims = panel->claims, .methods = {}, .conditions = {}, .outcomes = {}, .contracts = {}};
   for (const PanelMethod& method : panel->methods) promise.methods[method.name] = configuration_of(method);
   for (const PanelTask& task : panel->tasks) {
-    const std::string task_name(kTaskNames[static_cast<std::size_t>(task.task)]);
+    const std::string task_name(evidence::kTaskNames[static_cast<std::size_t>(task.task)]);
     PanelPromise::Outcome& outcome = promise.outcomes[task_name];
     outcome.duration_s = panel->duration.seconds();
-    if (task.task != Task::world) outcome.bound_m = task.bound_m;
+    if (task.task != evidence::Task::world) outcome.bound_m = task.bound_m;
     for (const PanelPerturbation& one : panel->perturbations)
       if (one.troubles(task.task)) promise.conditions.push_back({task_name, one.name(), one.dose});
     for (const PanelMethod& method : panel->methods) {
       PanelPromise::Contract& contract = promise.contracts[{method.name, task_name}];
       take(task.overrides, contract);
       take(method.overrides, contract);
-      if (const auto own = own_max_age(method.method)) contract.max_age_ms = own->milliseconds();
+      if (const auto own = evidence::own_max_age(method.method)) contract.max_age_ms = own->milliseconds();
     }
   }
   return promise;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -7,7 +7,7 @@
 
 #include "lab/judge/audit.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 // `path`: of a panel file. Robot files are not read: their paths need not lead anywhere from there. The error is one
 // sentence.
@@ -15,4 +15,4 @@ std::expected<PanelPromise, std::string> panel_promise(const std::string& path);
 // Of such a file's text. `name`: for the sentence.
 std::expected<PanelPromise, std::string> panel_promise_of(const std::string& text, const std::string& name);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

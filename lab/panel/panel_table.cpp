@@ -11,10 +11,10 @@
 
 #include "monitor/judge/freshness_statistics.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
-using Group = std::vector<const RolloutRow*>;
+using Group = std::vector<const evidence::RolloutRow*>;
 
 std::optional<double> median(std::vector<double> values) {
   if (values.empty()) return std::nullopt;
@@ -27,7 +27,7 @@ std::optional<double> median(std::vector<double> values) {
 template <class Field>
 std::optional<double> median_of(const Group& rows, Field field) {
   std::vector<double> values;
-  for (const RolloutRow* row : rows)
+  for (const evidence::RolloutRow* row : rows)
     if (const std::optional<double> value = field(*row)) values.push_back(*value);
   return median(std::move(values));
 }
@@ -35,7 +35,7 @@ std::optional<double> median_of(const Group& rows, Field field) {
 template <class Field>
 double mean_of(const Group& rows, Field field) {
   double sum = 0;
-  for (const RolloutRow* row : rows) sum += static_cast<double>(field(*row));
+  for (const evidence::RolloutRow* row : rows) sum += static_cast<double>(field(*row));
   return sum / static_cast<double>(rows.size());
 }
 
@@ -45,7 +45,7 @@ std::string text(std::optional<double> value, double factor = 1) {
 
 // Clopper-Pearson, both ends at 97.5 %.
 std::string success_text(const Group& rows) {
-  const auto good = static_cast<std::uint64_t>(std::ranges::count_if(rows, &RolloutRow::success));
+  const auto good = static_cast<std::uint64_t>(std::ranges::count_if(rows, &evidence::RolloutRow::success));
   const std::uint64_t count = rows.size();
   const double high = monitor::clopper_pearson_upper(good, count, 0.975);
   const double low = 1 - monitor::clopper_pearson_upper(count - good, count, 0.975);
@@ -53,27 +53,30 @@ std::string success_text(const Group& rows) {
 }
 
 std::string line(const Group& rows) {
-  const RolloutRow& first = *rows.front();
+  const evidence::RolloutRow& first = *rows.front();
   return fmt::format(
       "{:<12} {:<21} {:>7.4g} {:<8} {:>19} {:>8} {:>8} {:>9.1f} {:>6.2f} {:>6.2f} {:>8} {:>8}\n", first.task,
       first.perturbation, first.dose, first.method, success_text(rows),
-      text(median_of(rows, [](const RolloutRow& row) { return row.age_per_tick.total.p99_ms; })),
-      text(median_of(rows, [](const RolloutRow& row) { return std::optional(row.tracking_error_rms_m); }), 1e3),
-      mean_of(rows, [](const RolloutRow& row) { return row.constraint_violations; }),
-      mean_of(rows, [](const RolloutRow& row) { return row.safety.entered_degraded; }),
+      text(median_of(rows, [](const evidence::RolloutRow& row) { return row.age_per_tick.total.p99_ms; })),
+      text(median_of(rows, [](const evidence::RolloutRow& row) { return std::optional(row.tracking_error_rms_m); }),
+           1e3),
+      mean_of(rows, [](const evidence::RolloutRow& row) { return row.constraint_violations; }),
+      mean_of(rows, [](const evidence::RolloutRow& row) { return row.safety.entered_degraded; }),
       mean_of(rows,
-              [](const RolloutRow& row) { return row.safety.entered_damped_stop + row.safety.entered_fault_latched; }),
-      text(median_of(rows, [](const RolloutRow& row) { return std::optional(row.peak_torque_Nm); })),
-      text(median_of(rows, [](const RolloutRow& row) { return row.recovery_s; })));
+              [](const evidence::RolloutRow& row) {
+                return row.safety.entered_damped_stop + row.safety.entered_fault_latched;
+              }),
+      text(median_of(rows, [](const evidence::RolloutRow& row) { return std::optional(row.peak_torque_Nm); })),
+      text(median_of(rows, [](const evidence::RolloutRow& row) { return row.recovery_s; })));
 }
 
-bool belong_together(const RolloutRow& a, const RolloutRow& b) {
+bool belong_together(const evidence::RolloutRow& a, const evidence::RolloutRow& b) {
   return std::tie(a.task, a.perturbation, a.dose, a.method) == std::tie(b.task, b.perturbation, b.dose, b.method);
 }
 
-std::vector<Group> groups_of(std::span<const RolloutRow> rows) {
+std::vector<Group> groups_of(std::span<const evidence::RolloutRow> rows) {
   std::vector<Group> groups;
-  for (const RolloutRow& row : rows) {
+  for (const evidence::RolloutRow& row : rows) {
     const auto found =
         std::ranges::find_if(groups, [&](const Group& group) { return belong_together(*group.front(), row); });
     if (found == groups.end())
@@ -85,33 +88,36 @@ std::vector<Group> groups_of(std::span<const RolloutRow> rows) {
 }
 
 std::string latency_line(const Group& rows) {
-  const RolloutRow& first = *rows.front();
+  const evidence::RolloutRow& first = *rows.front();
   std::uint64_t misses = 0, count = 0;
-  for (const RolloutRow* row : rows) {
+  for (const evidence::RolloutRow* row : rows) {
     misses += row->misses_per_tick.misses;
     count += row->misses_per_tick.count;
   }
-  const auto age = [&](std::optional<double> AgeQuantiles::*quantile) {
-    return text(median_of(rows, [&](const RolloutRow& row) { return row.age_per_tick.total.*quantile; }));
+  const auto age = [&](std::optional<double> evidence::AgeQuantiles::*quantile) {
+    return text(median_of(rows, [&](const evidence::RolloutRow& row) { return row.age_per_tick.total.*quantile; }));
   };
   return fmt::format(
       "{:<12} {:<21} {:>7.4g} {:<8} {:>14} {:>13} {:>8} {:>8} {:>8} {:>15} {:>7.4f}\n", first.task, first.perturbation,
-      first.dose, first.method, text(median_of(rows, [](const RolloutRow& row) { return row.inference_mean_ms; })),
-      text(median_of(rows, [](const RolloutRow& row) { return row.age_per_command.queue.p99_ms; })),
-      age(&AgeQuantiles::p50_ms), age(&AgeQuantiles::p95_ms), age(&AgeQuantiles::p99_ms),
+      first.dose, first.method,
+      text(median_of(rows, [](const evidence::RolloutRow& row) { return row.inference_mean_ms; })),
+      text(median_of(rows, [](const evidence::RolloutRow& row) { return row.age_per_command.queue.p99_ms; })),
+      age(&evidence::AgeQuantiles::p50_ms), age(&evidence::AgeQuantiles::p95_ms), age(&evidence::AgeQuantiles::p99_ms),
       fmt::format("{}/{}", misses, count), count == 0 ? 0.0 : static_cast<double>(misses) / static_cast<double>(count));
 }
 
 std::string motion_line(const Group& rows) {
-  const RolloutRow& first = *rows.front();
+  const evidence::RolloutRow& first = *rows.front();
   std::uint64_t touched = 0, ticks = 0;
-  for (const RolloutRow* row : rows) {
+  for (const evidence::RolloutRow* row : rows) {
     for (const Intervention kind : {Intervention::velocity_limit, Intervention::acceleration_limit})
       touched += row->interventions[static_cast<std::size_t>(std::countr_zero(bit(kind)))];
     ticks += row->ticks;
   }
-  const auto jerk = median_of(rows, [](const RolloutRow& row) { return std::optional(row.peak_reference_jerk); });
-  const auto step = median_of(rows, [](const RolloutRow& row) { return std::optional(row.peak_join_velocity_step); });
+  const auto jerk =
+      median_of(rows, [](const evidence::RolloutRow& row) { return std::optional(row.peak_reference_jerk); });
+  const auto step =
+      median_of(rows, [](const evidence::RolloutRow& row) { return std::optional(row.peak_join_velocity_step); });
   return fmt::format("{:<12} {:<21} {:>7.4g} {:<12} {:>19} {:>16.0f} {:>16.4f} {:>22.4f}\n", first.task,
                      first.perturbation, first.dose, first.method, success_text(rows), jerk.value_or(0),
                      step.value_or(0), ticks == 0 ? 0.0 : static_cast<double>(touched) / static_cast<double>(ticks));
@@ -119,7 +125,7 @@ std::string motion_line(const Group& rows) {
 
 }  // namespace
 
-std::string panel_table(std::span<const RolloutRow> rows) {
+std::string panel_table(std::span<const evidence::RolloutRow> rows) {
   std::string table = fmt::format("{:<12} {:<21} {:>7} {:<8} {:>19} {:>8} {:>8} {:>9} {:>6} {:>6} {:>8} {:>8}\n",
                                   "task", "perturbation", "dose", "method", "success [95 %]", "p99 ms", "rms mm",
                                   "violated", "degr.", "stops", "peak Nm", "recov. s");
@@ -127,7 +133,7 @@ std::string panel_table(std::span<const RolloutRow> rows) {
   return table;
 }
 
-std::string latency_table(std::span<const RolloutRow> rows) {
+std::string latency_table(std::span<const evidence::RolloutRow> rows) {
   std::string table = fmt::format("{:<12} {:<21} {:>7} {:<8} {:>14} {:>13} {:>8} {:>8} {:>8} {:>15} {:>7}\n", "task",
                                   "perturbation", "dose", "method", "mean infer ms", "queue p99 ms", "p50 ms", "p95 ms",
                                   "p99 ms", "missed ticks", "rate");
@@ -135,7 +141,7 @@ std::string latency_table(std::span<const RolloutRow> rows) {
   return table;
 }
 
-std::string motion_table(std::span<const RolloutRow> rows) {
+std::string motion_table(std::span<const evidence::RolloutRow> rows) {
   std::string table =
       fmt::format("{:<12} {:<21} {:>7} {:<12} {:>19} {:>16} {:>16} {:>22}\n", "task", "perturbation", "dose", "method",
                   "success [95 %]", "peak jerk rad/s3", "join step rad/s", "limits, joints per tick");
@@ -143,4 +149,4 @@ std::string motion_table(std::span<const RolloutRow> rows) {
   return table;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

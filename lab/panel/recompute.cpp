@@ -14,7 +14,7 @@
 #include "lab/panel/worker_pool.hpp"
 #include "monitor/record/recorded_run.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 // Where two rows' texts part, for a reader.
@@ -43,7 +43,7 @@ std::expected<RanRollout, std::string> measured_anew(const Artifact& artifact, s
   if (!judged.seal->altered.empty()) return std::unexpected(judged.seal->altered.front());
   if (!judged.is_consistent())
     return std::unexpected("its run is not closed, or does not replay: see takt audit of it");
-  RolloutRow measured = contest.identity(planned);
+  evidence::RolloutRow measured = contest.identity(planned);
   RolloutWatch watch(contest.contestant(planned).robot);
   if (auto done = measure_recorded(recorded_rollout(contest.panel(), planned, folder), watch, measured); !done)
     return std::unexpected(done.error());
@@ -54,7 +54,7 @@ std::expected<RanRollout, std::string> measured_anew(const Artifact& artifact, s
 
 void keep_what_ran(const ArtifactManifest& manifest, Panel& panel) {
   std::erase_if(panel.tasks, [&](const PanelTask& one) {
-    return !manifest.plants.contains(std::string(kTaskNames[static_cast<std::size_t>(one.task)]));
+    return !manifest.plants.contains(std::string(evidence::kTaskNames[static_cast<std::size_t>(one.task)]));
   });
   std::erase_if(panel.methods, [&](const PanelMethod& one) { return !manifest.methods.contains(one.name); });
   const auto& seeds = manifest.seed_plan.seeds;
@@ -89,10 +89,11 @@ std::expected<Recomputed, std::string> recompute(const Artifact& artifact, Conte
   if (contents_of(manifest.outside.policy_host) != contents_of(wanted.outside.policy_host))
     return std::unexpected("another program answered for its policies: name it by --policy-host");
   std::map<std::string, PlannedRollout> plan;
-  for (const PlannedRollout& one : plan_of(contest.panel(), {})) plan.emplace(rollout_id(contest.identity(one)), one);
+  for (const PlannedRollout& one : plan_of(contest.panel(), {}))
+    plan.emplace(evidence::rollout_id(contest.identity(one)), one);
   std::vector<PlannedRollout> again;
   for (const std::size_t row : rows) {
-    const auto found = plan.find(rollout_id(artifact.rows[row]));
+    const auto found = plan.find(evidence::rollout_id(artifact.rows[row]));
     if (found == plan.end()) return std::unexpected(fmt::format("row {} is no rollout of this panel file", row + 1));
     again.push_back(found->second);
     if (manifest.timing != Timing::virtual_time && artifact.rows[row].run_folder.empty())
@@ -101,7 +102,7 @@ std::expected<Recomputed, std::string> recompute(const Artifact& artifact, Conte
   Recomputed result{.rows = 0, .of = artifact.rows.size(), .differences = {}};
   const auto compare = [&](const RanRollout& ran) -> std::expected<void, std::string> {
     const std::size_t row = rows[result.rows++];
-    RolloutRow was = artifact.rows[row];
+    evidence::RolloutRow was = artifact.rows[row];
     was.run_folder = ran.row.run_folder;  // a place, and no measure
     const auto before = row_text(was, HostFields::left_out), now = row_text(ran.row, HostFields::left_out);
     if (!before || !now) return std::unexpected(before ? now.error() : before.error());
@@ -124,4 +125,4 @@ std::expected<Recomputed, std::string> recompute(const Artifact& artifact, Conte
   return result;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

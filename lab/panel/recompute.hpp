@@ -16,7 +16,7 @@
 #include "lab/judge/audit.hpp"
 #include "lab/panel/panel_plan.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 // Indices of `count` different rows of `rows`, by the nonce.
 std::vector<std::size_t> drawn_rows(std::size_t count, std::size_t rows, std::uint64_t nonce);
@@ -29,4 +29,4 @@ void keep_what_ran(const ArtifactManifest& manifest, Panel& panel);
 std::expected<Recomputed, std::string> recompute(const Artifact& artifact, Contest& contest,
                                                  const std::vector<std::size_t>& rows, std::size_t workers);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

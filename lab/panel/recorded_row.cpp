@@ -14,7 +14,7 @@
 #include "evidence/rollout/rollout_measures.hpp"
 #include "monitor/record/recorded_run.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr Duration kSettle = seconds(2);             // as in virtual time
@@ -22,7 +22,7 @@ constexpr Duration kMayEndEarly = milliseconds(50);  // the end is asked for by 
 
 struct TruthAt {
   MonoTime at;
-  TruthOfTick truth;
+  evidence::TruthOfTick truth;
 };
 
 bool is_outside(const std::vector<double>& q, const config::RobotConfig& robot) {
@@ -43,7 +43,7 @@ bool has_fallen(const std::vector<double>& q, const config::RobotConfig& robot) 
 }
 
 // A line that was cut off when the simulator was ended is left out.
-std::expected<std::vector<TruthAt>, std::string> read_truth(const std::string& path, Task task,
+std::expected<std::vector<TruthAt>, std::string> read_truth(const std::string& path, evidence::Task task,
                                                             const config::RobotConfig& robot) {
   std::ifstream stream(path);
   if (!stream) return std::unexpected(path + ": cannot be read");
@@ -55,13 +55,13 @@ std::expected<std::vector<TruthAt>, std::string> read_truth(const std::string& p
     const MonoTime at{json.value("monotonic_ns", std::int64_t{0})};
     const auto tool = json.value("tool", std::vector<double>{});
     if (tool.size() != 3) return std::unexpected(path + ": a line has no tool position");
-    TruthOfTick truth{.error_m = json.value("error_m", 0.0)};
+    evidence::TruthOfTick truth{.error_m = json.value("error_m", 0.0)};
     const auto q = json.value("q", std::vector<double>{});
     truth.violated = is_outside(q, robot);
     truth.lost = (!truths.empty() && truths.back().truth.lost) || has_fallen(q, robot);
-    if (task == Task::arm_tracking && !truths.empty()) {
+    if (task == evidence::Task::arm_tracking && !truths.empty()) {
       const double moved = std::hypot(tool[0] - before[0], tool[1] - before[1], tool[2] - before[2]);
-      truth.violated |= moved > kToolSpeedLimit * (at - truths.back().at).seconds();
+      truth.violated |= moved > evidence::kToolSpeedLimit * (at - truths.back().at).seconds();
     }
     before = tool;
     truths.push_back({at, truth});
@@ -94,7 +94,7 @@ class Measuring {
     last_ = now;
   }
 
-  std::expected<void, std::string> finish(const config::Freshness& freshness, RolloutRow& row) {
+  std::expected<void, std::string> finish(const config::Freshness& freshness, evidence::RolloutRow& row) {
     if (!measures_) return std::unexpected(rollout_.run_folder + ": the robot was never in tracking");
     if (last_ + kMayEndEarly < began_ + rollout_.duration)
       return std::unexpected(fmt::format("{}: the recording ends after {:.2f} of {:.2f} s", rollout_.run_folder,
@@ -107,8 +107,9 @@ class Measuring {
   void begin(MonoTime now) {
     began_ = now;
     disturbance_.emplace(rollout_.perturbation, now);
-    measures_ = std::make_unique<RolloutMeasures>(
-        Score{now + kSettle, now + (rollout_.duration - rollout_.scored), rollout_.bound_m}, *disturbance_, robot_);
+    measures_ = std::make_unique<evidence::RolloutMeasures>(
+        evidence::Score{now + kSettle, now + (rollout_.duration - rollout_.scored), rollout_.bound_m}, *disturbance_,
+        robot_);
   }
 
   const RecordedRollout& rollout_;
@@ -116,8 +117,8 @@ class Measuring {
   std::vector<TruthAt> truths_;
   RolloutWatch& watch_;
   std::size_t next_ = 0;  // the truth that holds
-  std::optional<Disturbance> disturbance_;
-  std::unique_ptr<RolloutMeasures> measures_;
+  std::optional<evidence::Disturbance> disturbance_;
+  std::unique_ptr<evidence::RolloutMeasures> measures_;
   MonoTime began_, last_;
 };
 
@@ -135,7 +136,7 @@ RecordedRollout recorded_rollout(const Panel& panel, const PlannedRollout& plann
 }
 
 std::expected<void, std::string> measure_recorded(const RecordedRollout& rollout, RolloutWatch& watch,
-                                                  RolloutRow& row) {
+                                                  evidence::RolloutRow& row) {
   const auto run = monitor::open_run(rollout.run_folder);
   if (!run) return std::unexpected(run.error());
   auto truths = read_truth(rollout.truth_file, rollout.task, run->robot);
@@ -151,4 +152,4 @@ std::expected<void, std::string> measure_recorded(const RecordedRollout& rollout
   return measuring.finish(run->robot.freshness, row);
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -14,13 +14,13 @@
 #include "evidence/rollout/rollout_row.hpp"
 #include "lab/panel/panel_plan.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 struct RecordedRollout {
   std::string run_folder;
   std::string truth_file;  // takt-plant --truth
-  Task task = Task::arm_tracking;
-  Perturbation perturbation;
+  evidence::Task task = evidence::Task::arm_tracking;
+  evidence::Perturbation perturbation;
   Duration duration, scored;
   double bound_m = 0;
 };
@@ -30,6 +30,7 @@ RecordedRollout recorded_rollout(const Panel& panel, const PlannedRollout& plann
 
 // Fills everything of the row but its identity, verdicts and host fields; `watch` sees the rollout's commands and
 // ticks. The error is one sentence: the recording is unreadable, or shorter than the rollout.
-std::expected<void, std::string> measure_recorded(const RecordedRollout& rollout, RolloutWatch& watch, RolloutRow& row);
+std::expected<void, std::string> measure_recorded(const RecordedRollout& rollout, RolloutWatch& watch,
+                                                  evidence::RolloutRow& row);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

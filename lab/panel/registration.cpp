@@ -16,7 +16,7 @@
 #include "monitor/record/json_error.hpp"
 #include "monitor/record/run_manifest.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -230,4 +230,4 @@ std::expected<Registered, std::string> check_registration(const Artifact& artifa
   return found;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -17,7 +17,7 @@
 #include "lab/judge/audit.hpp"
 #include "lab/panel/panel_plan.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 // `b` against `a`, as `takt compare --margin` decides it: between 0 and 1 of success.
 struct RegisteredComparison {
@@ -43,4 +43,4 @@ std::expected<void, std::string> keep_registration(const std::string& panel_file
 std::expected<Registered, std::string> check_registration(const Artifact& artifact, std::string_view public_key_pem,
                                                           const std::optional<std::string>& certificates_pem);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -7,7 +7,7 @@
 
 #include "lab/judge/paired_statistics.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 SequentialDecision::SequentialDecision(std::array<std::string, 2> methods, std::vector<PlannedRollout>& plan)
     : methods_(std::move(methods)) {
@@ -16,7 +16,7 @@ SequentialDecision::SequentialDecision(std::array<std::string, 2> methods, std::
     rows_per_seed_ = static_cast<std::size_t>(std::ranges::count(plan, plan.front().seed, &PlannedRollout::seed));
 }
 
-void SequentialDecision::add(const RolloutRow& row) {
+void SequentialDecision::add(const evidence::RolloutRow& row) {
   if (row.success) ++successes_of_seed_[row.method == methods_[0] ? 0 : 1];
   if (++rows_of_seed_ < rows_per_seed_) return;
   if (successes_of_seed_[0] > successes_of_seed_[1]) ++seeds_for_[0];
@@ -56,4 +56,4 @@ std::expected<std::array<std::string, 2>, std::string> keep_two_methods(std::str
   return two;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -14,7 +14,7 @@
 #include "evidence/rollout/rollout_row.hpp"
 #include "lab/panel/panel_plan.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 class SequentialDecision {
  public:
@@ -22,7 +22,7 @@ class SequentialDecision {
   SequentialDecision(std::array<std::string, 2> methods, std::vector<PlannedRollout>& plan);
 
   // Rows come in the plan's order.
-  void add(const RolloutRow& row);
+  void add(const evidence::RolloutRow& row);
   // Never within a seed.
   [[nodiscard]] bool is_made() const;
   [[nodiscard]] std::uint64_t seeds() const { return seeds_; }  // whole ones
@@ -41,4 +41,4 @@ class SequentialDecision {
 // "A,B": two different methods of the panel, which keeps only these. The error is one sentence.
 std::expected<std::array<std::string, 2>, std::string> keep_two_methods(std::string_view names, Panel& panel);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -23,7 +23,7 @@
 
 #include "lab/artifact/rollout_json.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr char kErrorMark = '!';  // a line that begins with it is no row but a sentence
@@ -181,7 +181,7 @@ std::expected<void, std::string> run_in_workers(Contest& contest, std::span<cons
     while (!is_whole_report(lines))
       if (!wait_for(running, i % count))
         return std::unexpected(
-            fmt::format("a worker died during rollout {}", rollout_id(contest.identity(rollouts[i]))));
+            fmt::format("a worker died during rollout {}", evidence::rollout_id(contest.identity(rollouts[i]))));
     if (lines[0].starts_with(kErrorMark)) return std::unexpected(lines[0].substr(1));
     const auto ran = ran_of(lines[0], lines[1]);
     lines.erase(lines.begin(), lines.begin() + kReportLines);
@@ -192,4 +192,4 @@ std::expected<void, std::string> run_in_workers(Contest& contest, std::span<cons
   return {};
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -15,7 +15,7 @@
 
 #include "lab/panel/panel_plan.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 // An error ends the run.
 using DeliverRow = std::function<std::expected<void, std::string>(const RanRollout&)>;
@@ -26,4 +26,4 @@ std::expected<void, std::string> run_in_workers(Contest& contest, std::span<cons
                                                 std::size_t workers, const DeliverRow& deliver,
                                                 const IsEnough& is_enough = {});
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -9,7 +9,7 @@
 #include <span>
 #include <utility>
 
-namespace takt::policy_host {
+namespace takt::policy_trial {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -51,8 +51,8 @@ double median(std::vector<double> samples) {
   return *middle;
 }
 
-void take_times(Policy& own, Policy& judge, std::span<const float> observation, std::size_t most,
-                Agreement& agreement) {
+void take_times(policy_host::Policy& own, policy_host::Policy& judge, std::span<const float> observation,
+                std::size_t most, Agreement& agreement) {
   std::vector<float> said(own.output_size());
   std::vector<double> own_us, judge_us;
   const auto end = Clock::now() + kTimeToSpend;
@@ -73,7 +73,7 @@ double distance_of(float own, float judge) {
   return std::isnan(apart) ? std::numeric_limits<double>::infinity() : apart;
 }
 
-std::vector<float> last_outputs(Policy& policy) {
+std::vector<float> last_outputs(policy_host::Policy& policy) {
   TrialNumbers numbers;
   std::vector<float> observation(policy.input_size()), outputs(policy.output_size());
   policy.reset();
@@ -84,7 +84,7 @@ std::vector<float> last_outputs(Policy& policy) {
   return outputs;
 }
 
-Agreement compare(Policy& own, Policy& judge, std::size_t most_inferences) {
+Agreement compare(policy_host::Policy& own, policy_host::Policy& judge, std::size_t most_inferences) {
   Agreement agreement;
   TrialNumbers numbers;
   std::vector<float> observation(own.input_size()), own_outputs(own.output_size()), judge_outputs(judge.output_size());
@@ -100,4 +100,4 @@ Agreement compare(Policy& own, Policy& judge, std::size_t most_inferences) {
   return agreement;
 }
 
-}  // namespace takt::policy_host
+}  // namespace takt::policy_trial

@@ -10,7 +10,7 @@
 
 #include "policy_host/policy.hpp"
 
-namespace takt::policy_host {
+namespace takt::policy_trial {
 
 inline constexpr int kTrialObservations = 16;
 
@@ -28,10 +28,10 @@ struct Agreement {
 double distance_of(float own, float judge);
 
 // All outputs after the last of the observations.
-std::vector<float> last_outputs(Policy& policy);
+std::vector<float> last_outputs(policy_host::Policy& policy);
 
 // `most_inferences`: timed of each, or as many as take a few seconds; 0: none. Precondition: both have the same sizes.
 // Throws std::runtime_error where an engine fails.
-Agreement compare(Policy& own, Policy& judge, std::size_t most_inferences);
+Agreement compare(policy_host::Policy& own, policy_host::Policy& judge, std::size_t most_inferences);
 
-}  // namespace takt::policy_host
+}  // namespace takt::policy_trial

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-namespace takt::policy_host {
+namespace takt::policy_trial {
 namespace {
 
 using onnx_engine::TensorInfo;
@@ -23,7 +23,7 @@ std::vector<Tensor> tensors_of(std::span<const TensorInfo> infos) {
   return tensors;
 }
 
-class JudgingNetwork final : public Network {
+class JudgingNetwork final : public policy_host::Network {
  public:
   explicit JudgingNetwork(onnx_runtime::Session session)
       : session_(std::move(session)), inputs_(infos_of(session_.inputs())), outputs_(infos_of(session_.outputs())) {}
@@ -43,13 +43,12 @@ class JudgingNetwork final : public Network {
 
 }  // namespace
 
-std::expected<std::unique_ptr<Network>, std::string> load_judging_network(const onnx_runtime::OnnxRuntime& judge,
-                                                                          const std::filesystem::path& file,
-                                                                          const Network* known) {
+std::expected<std::unique_ptr<policy_host::Network>, std::string> load_judging_network(
+    const onnx_runtime::OnnxRuntime& judge, const std::filesystem::path& file, const policy_host::Network* known) {
   auto session =
       known == nullptr ? judge.load(file) : judge.load(file, tensors_of(known->inputs()), tensors_of(known->outputs()));
   if (!session) return std::unexpected(session.error());
   return std::make_unique<JudgingNetwork>(*std::move(session));
 }
 
-}  // namespace takt::policy_host
+}  // namespace takt::policy_trial

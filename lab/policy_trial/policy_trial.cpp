@@ -16,13 +16,13 @@
 #include "policy_host/leapp/leapp_graph.hpp"
 #include "policy_host/policy_tensors.hpp"
 
-namespace takt::policy_host {
+namespace takt::policy_trial {
 namespace {
 
 namespace fs = std::filesystem;
 
 using onnx_engine::TensorInfo;
-using Loaded = std::expected<std::unique_ptr<Network>, std::string>;
+using Loaded = std::expected<std::unique_ptr<policy_host::Network>, std::string>;
 using Whole = std::expected<WholePolicy, std::string>;
 
 std::size_t size_of(const TensorInfo& tensor) {
@@ -50,13 +50,13 @@ config::RobotConfig robot_of(const fs::path& file, const std::string& library,
   return robot;
 }
 
-LoadNetwork by_auto(const TrialSetup& setup, std::vector<config::TensorShape> shapes = {}) {
+policy_host::LoadNetwork by_auto(const TrialSetup& setup, std::vector<config::TensorShape> shapes = {}) {
   return [library = setup.library, shapes = std::move(shapes)](const fs::path& file) {
-    return load_network(robot_of(file, library, shapes), file);
+    return policy_host::load_network(robot_of(file, library, shapes), file);
   };
 }
 
-LoadNetwork by_judge(const TrialSetup& setup, const LoadNetwork& known) {
+policy_host::LoadNetwork by_judge(const TrialSetup& setup, const policy_host::LoadNetwork& known) {
   return [&setup, known](const fs::path& file) -> Loaded {
     const auto network = known ? known(file) : Loaded(nullptr);
     return load_judging_network(*setup.judge, file, network ? network->get() : nullptr);
@@ -99,12 +99,12 @@ void look_at_metadata(Trial& trial, const fs::path& file) {
   if (!metadata) return;
   const auto network = onnx_engine::load(file);
   if (!network) return;
-  const auto described = describe_exploy(*metadata, network->inputs(), network->outputs());
+  const auto described = policy_host::describe_exploy(*metadata, network->inputs(), network->outputs());
   if (!described) trial.refusal = described.error();
 }
 
 void try_onnx(Trial& trial, const fs::path& file, const TrialSetup& setup) {
-  const auto choice = choose_engine(file);
+  const auto choice = policy_host::choose_engine(file);
   if (!choice) {
     trial.refusal = without_name(choice.error(), file);
     return;
@@ -113,7 +113,7 @@ void try_onnx(Trial& trial, const fs::path& file, const TrialSetup& setup) {
   trial.why = choice->why;
   look_at_metadata(trial, file);
   if (!trial.refusal.empty()) return;
-  const LoadNetwork load = by_auto(setup);
+  const policy_host::LoadNetwork load = by_auto(setup);
   take(trial, file, setup, load_whole_policy(file.string(), load),
        [&] { return load_whole_policy(file.string(), by_judge(setup, load)); });
 }
@@ -141,25 +141,26 @@ void try_torchscript(Trial& trial, const fs::path& file, const TrialSetup& setup
   });
 }
 
-Whole load_bundle(const fs::path& file, const LeappBundle& bundle, const LoadNetwork& load) {
+Whole load_bundle(const fs::path& file, const policy_host::LeappBundle& bundle, const policy_host::LoadNetwork& load) {
   std::string outputs;
-  for (const LeappPort& port : bundle.outputs)
+  for (const policy_host::LeappPort& port : bundle.outputs)
     outputs += (outputs.empty() ? "" : ",") + fmt::format("{}/{}", port.node, port.tensor);
-  auto graph = load_leapp_graph(file.string(), "", outputs, load);
+  auto graph = policy_host::load_leapp_graph(file.string(), "", outputs, load);
   if (!graph) return std::unexpected(graph.error());
-  const Port actions = graph->wiring.outputs.front();
+  const policy_host::Port actions = graph->wiring.outputs.front();
   std::size_t observation = 0;
-  for (const Port& port : graph->wiring.observation)
+  for (const policy_host::Port& port : graph->wiring.observation)
     observation += graph->networks[port.network]->input(port.tensor).size();
   std::string values = values_text(observation, graph->networks[actions.network]->output(actions.tensor).size(),
                                    graph->wiring.states.size(), false);
-  return WholePolicy{make_network_policy(std::move(graph->networks), std::move(graph->wiring)), std::move(values)};
+  return WholePolicy{policy_host::make_network_policy(std::move(graph->networks), std::move(graph->wiring)),
+                     std::move(values)};
 }
 
-void choose_for_nodes(Trial& trial, const fs::path& file, const LeappBundle& bundle) {
-  for (const LeappNode& node : bundle.nodes) {
-    const auto model = checked_model_file(file.string(), node);
-    const auto choice = model ? choose_engine(*model) : std::unexpected(model.error());
+void choose_for_nodes(Trial& trial, const fs::path& file, const policy_host::LeappBundle& bundle) {
+  for (const policy_host::LeappNode& node : bundle.nodes) {
+    const auto model = policy_host::checked_model_file(file.string(), node);
+    const auto choice = model ? policy_host::choose_engine(*model) : std::unexpected(model.error());
     if (!choice) {
       trial.refusal = without_name(choice.error(), file);
       return;
@@ -171,26 +172,27 @@ void choose_for_nodes(Trial& trial, const fs::path& file, const LeappBundle& bun
 
 void try_bundle(Trial& trial, const fs::path& file, const TrialSetup& setup) {
   const auto text = config::read_file(file.string());
-  const auto bundle = text ? read_leapp_bundle(*text, file.string()) : std::unexpected(text.error());
+  const auto bundle = text ? policy_host::read_leapp_bundle(*text, file.string()) : std::unexpected(text.error());
   if (!bundle) {
     trial.refusal = without_name(bundle.error(), file);
     return;
   }
   choose_for_nodes(trial, file, *bundle);
   if (!trial.refusal.empty()) return;
-  const LoadNetwork load = by_auto(setup);
+  const policy_host::LoadNetwork load = by_auto(setup);
   take(trial, file, setup, load_bundle(file, *bundle, load),
        [&] { return load_bundle(file, *bundle, by_judge(setup, load)); });
 }
 
 }  // namespace
 
-std::expected<WholePolicy, std::string> load_whole_policy(const std::string& file, const LoadNetwork& load,
+std::expected<WholePolicy, std::string> load_whole_policy(const std::string& file, const policy_host::LoadNetwork& load,
                                                           Outputs outputs) {
   auto network = load(file);
   if (!network) return std::unexpected(network.error());
-  const Network& loaded = **network;
-  const auto tensors = assign_tensors({loaded.inputs(), loaded.outputs(), loaded.lost_states()}, file, "", "");
+  const policy_host::Network& loaded = **network;
+  const auto tensors =
+      policy_host::assign_tensors({loaded.inputs(), loaded.outputs(), loaded.lost_states()}, file, "", "");
   if (!tensors) return std::unexpected(tensors.error());
   std::string all;
   if (outputs == Outputs::all)
@@ -199,8 +201,8 @@ std::expected<WholePolicy, std::string> load_whole_policy(const std::string& fil
   for (const std::size_t part : tensors->observation) observation += size_of(loaded.inputs()[part]);
   const std::size_t actions = size_of(loaded.outputs()[tensors->outputs.front()]);
   std::string values = values_text(observation, actions, tensors->states.size(), loaded.keeps_state());
-  auto policy = load_network_policy(file, "", all,
-                                    [&network](const fs::path& /*file*/) -> Loaded { return std::move(*network); });
+  auto policy = policy_host::load_network_policy(
+      file, "", all, [&network](const fs::path& /*file*/) -> Loaded { return std::move(*network); });
   if (!policy) return std::unexpected(policy.error());
   return WholePolicy{*std::move(policy), std::move(values)};
 }
@@ -216,4 +218,4 @@ Trial try_policy(const fs::path& file, const TrialSetup& setup) {
   return trial;
 }
 
-}  // namespace takt::policy_host
+}  // namespace takt::policy_trial

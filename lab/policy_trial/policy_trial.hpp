@@ -16,7 +16,7 @@
 #include "policy_host/onnx_runtime/onnx_runtime.hpp"
 #include "policy_host/policy.hpp"
 
-namespace takt::policy_host {
+namespace takt::policy_trial {
 
 struct TrialSetup {
   std::string library;  // ONNX Runtime's, for its engine; "": where the dynamic linker finds it
@@ -24,12 +24,13 @@ struct TrialSetup {
 };
 
 struct Trial {
-  std::string engine;           // as policy.engine.name has it; "": none takes it
-  std::string why;              // of ONNX Runtime: why not the built-in one
-  std::string refusal;          // one line that does not name the file; "": it loads
-  std::string values;           // "48→12, 2 states": of the observation, of the actions
-  std::unique_ptr<Policy> own;  // says every output, but of TorchScript the actions alone; null where refused
-  std::unique_ptr<Policy> judge;
+  std::string engine;   // as policy.engine.name has it; "": none takes it
+  std::string why;      // of ONNX Runtime: why not the built-in one
+  std::string refusal;  // one line that does not name the file; "": it loads
+  std::string values;   // "48→12, 2 states": of the observation, of the actions
+  std::unique_ptr<policy_host::Policy>
+      own;  // says every output, but of TorchScript the actions alone; null where refused
+  std::unique_ptr<policy_host::Policy> judge;
   std::string unjudged;  // why there is no judge
 };
 
@@ -37,11 +38,11 @@ Trial try_policy(const std::filesystem::path& file, const TrialSetup& setup);
 
 // One file with every output of its network, in the file's order, by an engine.
 struct WholePolicy {
-  std::unique_ptr<Policy> policy;
+  std::unique_ptr<policy_host::Policy> policy;
   std::string values;
 };
 enum class Outputs { all, actions };
-std::expected<WholePolicy, std::string> load_whole_policy(const std::string& file, const LoadNetwork& load,
+std::expected<WholePolicy, std::string> load_whole_policy(const std::string& file, const policy_host::LoadNetwork& load,
                                                           Outputs outputs = Outputs::all);
 
-}  // namespace takt::policy_host
+}  // namespace takt::policy_trial

@@ -13,12 +13,12 @@
 #include "lab/panel/panel_plan.hpp"
 #include "lab/panel/worker_pool.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 namespace {
 
 // A panel that exists in memory only.
-panel::Panel panel_of(const AblationSetup& setup) {
-  panel::Panel made;
+lab::Panel panel_of(const AblationSetup& setup) {
+  lab::Panel made;
   made.file = setup.robot_file;
   made.name = "ablation";
   made.text = "takt ablate " + setup.robot_file;
@@ -31,20 +31,23 @@ panel::Panel panel_of(const AblationSetup& setup) {
                         .scored = setup.scored,
                         .bound_m = setup.bound_m,
                         .base_velocity = setup.base_velocity});
-  for (const panel::BuiltIn which : {panel::BuiltIn::takt, panel::BuiltIn::plain}) {
-    const panel::BuiltInMethod& method = panel::built_in_methods()[static_cast<std::size_t>(which)];
+  for (const evidence::BuiltIn which : {evidence::BuiltIn::takt, evidence::BuiltIn::plain}) {
+    const evidence::BuiltInMethod& method = evidence::built_in_methods()[static_cast<std::size_t>(which)];
     made.methods.push_back({std::string(method.name), std::string(method.description), false, {}, {which}});
   }
-  for (const panel::ProtectionName& one : panel::protections())
-    made.methods.push_back(
-        {"without_" + std::string(one.name), std::string(one.meaning), false, {}, {panel::BuiltIn::takt, one.which}});
+  for (const evidence::ProtectionName& one : evidence::protections())
+    made.methods.push_back({"without_" + std::string(one.name),
+                            std::string(one.meaning),
+                            false,
+                            {},
+                            {evidence::BuiltIn::takt, one.which}});
   made.perturbations.push_back({});
   made.perturbations.push_back(
       {.kind = "policy_freeze", .dose = setup.frozen_for.milliseconds(), .from = setup.frozen_at, .length = {}});
   return made;
 }
 
-void add(const panel::RolloutRow& row, double joints, bool takt_succeeds, AblationRow& sum) {
+void add(const evidence::RolloutRow& row, double joints, bool takt_succeeds, AblationRow& sum) {
   ++sum.rollouts;
   sum.successes += row.success ? 1U : 0U;
   sum.fell += row.fell ? 1U : 0U;
@@ -69,7 +72,7 @@ std::string lines(const std::vector<AblationRow>& rows) {
   std::string text = fmt::format("{:<22} {:>9} {:>5} {:>7} {:>15} {:>8} {:>10} {:>9} {:>7}  {}\n", "", "success",
                                  "fell", "points", "95 %", "error mm", "Nm/s", "J", "marks", "");
   for (const AblationRow& row : rows) {
-    const panel::Interval difference = panel::paired_rate_interval(row.only_this, row.only_takt, row.rollouts);
+    const lab::Interval difference = lab::paired_rate_interval(row.only_this, row.only_takt, row.rollouts);
     const bool is_takt = &row == &rows.front();
     const double points = 100 * (static_cast<double>(row.only_this) - static_cast<double>(row.only_takt)) /
                           static_cast<double>(row.rollouts);
@@ -101,22 +104,22 @@ nlohmann::ordered_json json_of(const std::vector<AblationRow>& rows) {
 }  // namespace
 
 std::expected<Ablation, std::string> ablate(const AblationSetup& setup) {
-  auto contest = panel::Contest::prepare(panel_of(setup));
+  auto contest = lab::Contest::prepare(panel_of(setup));
   if (!contest) return std::unexpected(contest.error());
-  const auto plan = panel::plan_of(contest->panel(), {});
+  const auto plan = lab::plan_of(contest->panel(), {});
   const auto joints = static_cast<double>(contest->contestant(plan.front()).robot.joints.size());
   Ablation found{.frozen_for = setup.frozen_for};
-  for (const panel::PanelMethod& method : contest->panel().methods) {
+  for (const lab::PanelMethod& method : contest->panel().methods) {
     found.nominal.push_back({.name = method.name, .meaning = method.description});
     found.frozen.push_back({.name = method.name, .meaning = method.description});
   }
-  std::map<panel::PairKey, bool> takt;  // its rows come first
+  std::map<evidence::PairKey, bool> takt;  // its rows come first
   std::size_t done = 0;
-  const auto ran = panel::run_in_workers(*contest, plan, setup.workers, [&](const panel::RanRollout& one) {
-    const panel::PlannedRollout& planned = plan[done];
-    if (planned.method == 0) takt.emplace(panel::pair_key(one.row), one.row.success);
+  const auto ran = lab::run_in_workers(*contest, plan, setup.workers, [&](const lab::RanRollout& one) {
+    const lab::PlannedRollout& planned = plan[done];
+    if (planned.method == 0) takt.emplace(evidence::pair_key(one.row), one.row.success);
     auto& rows = planned.perturbation == 0 ? found.nominal : found.frozen;
-    add(one.row, joints, takt.at(panel::pair_key(one.row)), rows[planned.method]);
+    add(one.row, joints, takt.at(evidence::pair_key(one.row)), rows[planned.method]);
     ++done;
     if (setup.on_progress) setup.on_progress(done, plan.size());
     return std::expected<void, std::string>{};
@@ -138,4 +141,4 @@ nlohmann::ordered_json to_json(const Ablation& ablation) {
           {"frozen", json_of(ablation.frozen)}};
 }
 
-}  // namespace takt::margin
+}  // namespace takt::study

@@ -15,12 +15,12 @@
 #include "evidence/rollout/rollout.hpp"
 #include "executive/contract/mono_time.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 
 struct AblationSetup {
   std::string robot_file;
-  panel::Task task = panel::Task::arm_tracking;
-  panel::BaseVelocityTask base_velocity = {};  // of that task only
+  evidence::Task task = evidence::Task::arm_tracking;
+  evidence::BaseVelocityTask base_velocity = {};  // of that task only
   std::uint64_t seeds = 20;
   std::size_t workers = 1;
   double bound_m = 0.02;
@@ -50,4 +50,4 @@ std::expected<Ablation, std::string> ablate(const AblationSetup& setup);
 std::string ablation_text(const Ablation& ablation);
 nlohmann::ordered_json to_json(const Ablation& ablation);
 
-}  // namespace takt::margin
+}  // namespace takt::study

@@ -17,7 +17,7 @@
 #include "lab/panel/worker_pool.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 namespace {
 
 constexpr double kDelayGrid_ms = 10, kMostDelay_ms = 640;
@@ -53,9 +53,9 @@ std::vector<config::Override> without_consequences(const config::RobotConfig& ro
 }
 
 // A panel that exists in memory only: one task, one method, one kind of perturbation at every dose of a grid.
-panel::Panel panel_of(const ToleranceSetup& setup, const config::RobotConfig& robot, std::string_view kind,
-                      double grid_ms, double most_ms, double max_age_ms, Duration from = {}) {
-  panel::Panel made;
+lab::Panel panel_of(const ToleranceSetup& setup, const config::RobotConfig& robot, std::string_view kind,
+                    double grid_ms, double most_ms, double max_age_ms, Duration from = {}) {
+  lab::Panel made;
   made.file = setup.robot_file;
   made.name = "margin";
   made.text = fmt::format("takt margin: {} of {}", kind, setup.robot_file);
@@ -98,7 +98,7 @@ struct Work {
 // The doses of one panel, looked at one by one.
 class Doses {
  public:
-  Doses(const ToleranceSetup& setup, panel::Contest contest, Work& work)
+  Doses(const ToleranceSetup& setup, lab::Contest contest, Work& work)
       : setup_(setup), contest_(std::move(contest)), work_(work) {}
 
   // `doses_after`: the most that this search looks at after this one; only progress depends on it.
@@ -136,14 +136,14 @@ class Doses {
 
  private:
   // In order of seed, cut off at the failure that settles it, so that workers do not change the result.
-  std::expected<std::vector<panel::RolloutRow>, std::string> run(std::size_t index, std::size_t doses_after) {
-    std::vector<panel::RolloutRow> rows;
+  std::expected<std::vector<evidence::RolloutRow>, std::string> run(std::size_t index, std::size_t doses_after) {
+    std::vector<evidence::RolloutRow> rows;
     std::uint64_t failures = 0;
     for (std::uint64_t first = 1; first <= setup_.seeds && failures < kFailuresShown; first += kBatch) {
-      std::vector<panel::PlannedRollout> batch;
+      std::vector<lab::PlannedRollout> batch;
       for (std::uint64_t seed = first; seed < first + kBatch && seed <= setup_.seeds; ++seed)
         batch.push_back({.task = 0, .perturbation = index, .method = 0, .seed = seed});
-      const auto done = panel::run_in_workers(contest_, batch, setup_.workers, [&](const panel::RanRollout& ran) {
+      const auto done = lab::run_in_workers(contest_, batch, setup_.workers, [&](const lab::RanRollout& ran) {
         rows.push_back(ran.row);
         failures += ran.row.success ? 0U : 1U;
         ++work_.rollouts;
@@ -156,15 +156,15 @@ class Doses {
   }
   void tell(std::size_t index, std::size_t most_left) const {
     if (!setup_.on_progress) return;
-    const panel::PanelPerturbation& looked_at = contest_.panel().perturbations[index];
+    const lab::PanelPerturbation& looked_at = contest_.panel().perturbations[index];
     setup_.on_progress(
         {work_.rollouts, work_.rollouts + most_left, fmt::format("{} {:g} ms", looked_at.kind, looked_at.dose)});
   }
-  [[nodiscard]] TolerancePoint judge(std::size_t index, const std::vector<panel::RolloutRow>& rows) const {
+  [[nodiscard]] TolerancePoint judge(std::size_t index, const std::vector<evidence::RolloutRow>& rows) const {
     TolerancePoint point;
     point.dose_ms = contest_.panel().perturbations[index].dose;
     std::vector<double> p50, p99;
-    for (const panel::RolloutRow& row : rows) {
+    for (const evidence::RolloutRow& row : rows) {
       ++point.rollouts;
       point.successes += row.success ? 1U : 0U;
       p50.push_back(row.age_per_tick.total.p50_ms.value_or(0));
@@ -181,7 +181,7 @@ class Doses {
 
   static constexpr std::uint64_t kBatch = 10;
   const ToleranceSetup& setup_;
-  panel::Contest contest_;
+  lab::Contest contest_;
   Work& work_;
   std::map<std::size_t, TolerancePoint> seen_;
 };
@@ -189,8 +189,8 @@ class Doses {
 std::expected<void, std::string> find_age(const ToleranceSetup& setup, const config::RobotConfig& robot, Work& work,
                                           AgeTolerance& found) {
   work.later_doses = most_doses(kStallGrid_ms, kMostStall_ms) + most_doses(kSilenceGrid_ms, kMostSilence_ms);
-  auto contest = panel::Contest::prepare(panel_of(setup, robot, "publish_delay", kDelayGrid_ms, kMostDelay_ms, 40'000),
-                                         setup.outside);
+  auto contest = lab::Contest::prepare(panel_of(setup, robot, "publish_delay", kDelayGrid_ms, kMostDelay_ms, 40'000),
+                                       setup.outside);
   if (!contest) return std::unexpected(contest.error());
   Doses doses(setup, std::move(*contest), work);
   const auto nominal = doses.look_at(0, most_doses(kDelayGrid_ms, kMostDelay_ms));
@@ -217,7 +217,7 @@ double two_digits_below(double value) {
 std::expected<void, std::string> find_share(const ToleranceSetup& setup, const config::RobotConfig& robot, Work& work,
                                             AgeTolerance& found) {
   work.later_doses = most_doses(kSilenceGrid_ms, kMostSilence_ms);
-  auto contest = panel::Contest::prepare(
+  auto contest = lab::Contest::prepare(
       panel_of(setup, robot, "inference_stall", kStallGrid_ms, kMostStall_ms, found.max_age_ms), setup.outside);
   if (!contest) return std::unexpected(contest.error());
   Doses doses(setup, std::move(*contest), work);
@@ -237,9 +237,9 @@ std::expected<void, std::string> find_share(const ToleranceSetup& setup, const c
 std::expected<void, std::string> find_silence(const ToleranceSetup& setup, const config::RobotConfig& robot, Work& work,
                                               AgeTolerance& found) {
   work.later_doses = 0;
-  auto contest = panel::Contest::prepare(panel_of(setup, robot, "policy_freeze", kSilenceGrid_ms, kMostSilence_ms,
-                                                  found.max_age_ms, Duration{setup.duration.ns / 2}),
-                                         setup.outside);
+  auto contest = lab::Contest::prepare(panel_of(setup, robot, "policy_freeze", kSilenceGrid_ms, kMostSilence_ms,
+                                                found.max_age_ms, Duration{setup.duration.ns / 2}),
+                                       setup.outside);
   if (!contest) return std::unexpected(contest.error());
   Doses doses(setup, std::move(*contest), work);
   const auto largest = doses.largest_tolerated();
@@ -275,9 +275,9 @@ std::vector<config::Override> as_proposed(const AgeTolerance& found, Duration wa
   return said;
 }
 
-panel::Panel recovery_panel(const ToleranceSetup& setup, const config::RobotConfig& robot, const AgeTolerance& found,
-                            std::vector<RecoveryPoint>& points) {
-  panel::Panel made = panel_of(setup, robot, "none", 1, 0, found.max_age_ms);
+lab::Panel recovery_panel(const ToleranceSetup& setup, const config::RobotConfig& robot, const AgeTolerance& found,
+                          std::vector<RecoveryPoint>& points) {
+  lab::Panel made = panel_of(setup, robot, "none", 1, 0, found.max_age_ms);
   made.seed_count = recovery_seeds(setup);
   made.methods.clear();
   made.perturbations.clear();
@@ -312,15 +312,15 @@ const RecoveryPoint& best_of(const std::vector<RecoveryPoint>& points) {
 std::expected<void, std::string> find_recovery(const ToleranceSetup& setup, const config::RobotConfig& robot,
                                                Work& work, AgeTolerance& found) {
   std::vector<RecoveryPoint> points;
-  auto contest = panel::Contest::prepare(recovery_panel(setup, robot, found, points), setup.outside);
+  auto contest = lab::Contest::prepare(recovery_panel(setup, robot, found, points), setup.outside);
   if (!contest) return std::unexpected(contest.error());
-  std::vector<panel::PlannedRollout> plan;
+  std::vector<lab::PlannedRollout> plan;
   for (std::size_t method = 0; method < points.size(); ++method)
     for (std::size_t trouble = 0; trouble < kRecoveryTroubles; ++trouble)
       for (std::uint64_t seed = 1; seed <= recovery_seeds(setup); ++seed)
         plan.push_back({.task = 0, .perturbation = trouble, .method = method, .seed = seed});
-  const auto done = panel::run_in_workers(*contest, plan, setup.workers, [&](const panel::RanRollout& ran) {
-    const auto method = std::ranges::find(contest->panel().methods, ran.row.method, &panel::PanelMethod::name);
+  const auto done = lab::run_in_workers(*contest, plan, setup.workers, [&](const lab::RanRollout& ran) {
+    const auto method = std::ranges::find(contest->panel().methods, ran.row.method, &lab::PanelMethod::name);
     RecoveryPoint& point = points.at(static_cast<std::size_t>(method - contest->panel().methods.begin()));
     ++point.rollouts;
     point.successes += ran.row.success ? 1U : 0U;
@@ -359,4 +359,4 @@ std::expected<AgeTolerance, std::string> age_tolerance(const ToleranceSetup& set
   return found;
 }
 
-}  // namespace takt::margin
+}  // namespace takt::study

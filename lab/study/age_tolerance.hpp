@@ -30,7 +30,7 @@
 #include "evidence/rollout/rollout.hpp"
 #include "executive/contract/mono_time.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 
 inline constexpr double kConfidence = 0.95;
 inline constexpr std::uint64_t kLeastSeeds = 59;  // fewer cannot show a success rate of 0.95, even without a failure
@@ -42,16 +42,16 @@ struct ToleranceProgress {
 
 struct ToleranceSetup {
   std::string robot_file;
-  panel::Task task = panel::Task::arm_tracking;
-  panel::BaseVelocityTask base_velocity = {};  // of that task only
-  std::uint64_t seeds = 60;                    // enough to show `success`
-  double success = 0.95;                       // (0, 1): rate that has to be shown
+  evidence::Task task = evidence::Task::arm_tracking;
+  evidence::BaseVelocityTask base_velocity = {};  // of that task only
+  std::uint64_t seeds = 60;                       // enough to show `success`
+  double success = 0.95;                          // (0, 1): rate that has to be shown
   std::size_t workers = 1;
   double safety = 0.8;  // (0, 1]
   double bound_m = 0.02;
   Duration duration = seconds(8), scored = seconds(2);
   std::function<void(const ToleranceProgress& progress)> on_progress = {};
-  panel::OutsideProcesses outside = {};
+  evidence::OutsideProcesses outside = {};
 };
 
 // One dose. With failures enough to be refused, the remaining seeds were left out.
@@ -89,4 +89,4 @@ struct AgeTolerance {
 // The error: what the robot file lacks, one problem per line, or that the task fails without any delay.
 std::expected<AgeTolerance, std::string> age_tolerance(const ToleranceSetup& setup);
 
-}  // namespace takt::margin
+}  // namespace takt::study

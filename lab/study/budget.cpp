@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <array>
 
-namespace takt::budget {
+namespace takt::study {
 namespace {
 
 constexpr std::array<double, 10> kRates{5, 10, 15, 20, 30, 50, 100, 200, 500, 1000};
@@ -125,4 +125,4 @@ nlohmann::ordered_json to_json(const Budget& budget) {
   return json;
 }
 
-}  // namespace takt::budget
+}  // namespace takt::study

@@ -19,7 +19,7 @@
 #include <string_view>
 #include <vector>
 
-namespace takt::budget {
+namespace takt::study {
 
 struct StageTime {
   std::string name;
@@ -78,4 +78,4 @@ std::string budget_text(const Budget& budget, double focus_Hz);  // at most 80 c
 std::string budget_svg(const Budget& budget, double focus_Hz);   // one picture, no script, no request
 nlohmann::ordered_json to_json(const Budget& budget);
 
-}  // namespace takt::budget
+}  // namespace takt::study

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <array>
 
-namespace takt::budget {
+namespace takt::study {
 namespace {
 
 std::vector<double> rates_of(const config::RobotConfig& robot) {
@@ -61,4 +61,4 @@ std::expected<Question, std::string> question_of(const monitor::RecordedRun& run
   return question;
 }
 
-}  // namespace takt::budget
+}  // namespace takt::study

@@ -11,7 +11,7 @@
 #include "monitor/judge/run_metrics.hpp"
 #include "monitor/record/recorded_run.hpp"
 
-namespace takt::budget {
+namespace takt::study {
 
 // figure_stages() with what the robot file knows better: perception from the simulated camera's delay and jitter,
 // actuation from the fullest bus and the simulated drive's torque delay. A robot file says nothing about inference and
@@ -25,4 +25,4 @@ std::expected<Question, std::string> question_of(const monitor::RecordedRun& run
 // The policy's rate; without a policy 50 Hz, the figure's.
 double focus_Hz_of(const config::RobotConfig& robot);
 
-}  // namespace takt::budget
+}  // namespace takt::study

@@ -8,7 +8,7 @@
 
 #include "lab/study/budget.hpp"
 
-namespace takt::budget {
+namespace takt::study {
 namespace {
 
 constexpr std::size_t kLabel = 12, kBar = 66;
@@ -149,4 +149,4 @@ std::string budget_text(const Budget& budget, double focus_Hz) {
          "\n" + verdict(budget, focus_Hz);
 }
 
-}  // namespace takt::budget
+}  // namespace takt::study

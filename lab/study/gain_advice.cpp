@@ -9,7 +9,7 @@
 #include "config/joint_units.hpp"
 #include "lab/study/inner_loop.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 namespace {
 
 // What runs may have a little less than what is computed; and gains with little gain margin are no remedy.
@@ -85,4 +85,4 @@ std::string gain_advice(const config::RobotConfig& robot, std::size_t joint, con
   return "no lower kp or kd corrects it; take delay out of its loop (drive, bus, observer_bandwidth)";
 }
 
-}  // namespace takt::margin
+}  // namespace takt::study

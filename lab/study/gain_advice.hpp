@@ -11,10 +11,10 @@
 #include "config/robot_config.hpp"
 #include "lab/study/joint_margins.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 
 // "raise gains.kd from 2 to 2.6 Nms/rad", or why none is known.
 std::string gain_advice(const config::RobotConfig& robot, std::size_t joint, const DynamicsMaker& dynamics,
                         const Eigen::VectorXd& pose);
 
-}  // namespace takt::margin
+}  // namespace takt::study

@@ -9,7 +9,7 @@
 
 #include "executive/setup/tick_config_of.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 namespace {
 
 constexpr MonoTime kStart{1'000'000'000'000};
@@ -19,29 +19,28 @@ constexpr double kAtRest = 0.01;  // rad/s: encoder steps keep a joint from rest
 
 }  // namespace
 
-std::expected<std::unique_ptr<HoldingLoop>, std::string> HoldingLoop::make(const config::RobotConfig& robot,
-                                                                           std::unique_ptr<plant::Dynamics> dynamics,
-                                                                           const Eigen::VectorXd& pose) {
+std::expected<std::unique_ptr<HoldingLoop>, std::string> HoldingLoop::make(
+    const config::RobotConfig& robot, std::unique_ptr<simulation::Dynamics> dynamics, const Eigen::VectorXd& pose) {
   if (!robot.simulation) return std::unexpected(robot.file + ": no `simulation`: there is no plant to measure on");
-  std::vector<plant::Friction> friction;
-  for (const config::Joint& joint : robot.joints) friction.push_back(plant::friction_of(*robot.simulation, joint));
+  std::vector<simulation::Friction> friction;
+  for (const config::Joint& joint : robot.joints) friction.push_back(simulation::friction_of(*robot.simulation, joint));
   auto probed = std::make_unique<ProbedDynamics>(std::move(dynamics), std::move(friction));
   ProbedDynamics& probe = *probed;
-  auto plant = plant::Plant::make(robot, std::move(probed));
+  auto plant = simulation::Plant::make(robot, std::move(probed));
   if (!plant) return std::unexpected(plant.error());
   std::unique_ptr<HoldingLoop> made(new HoldingLoop(robot, std::move(*plant), probe, pose));
-  auto bus = panel::VirtualBus::make(robot, made->undisturbed_, 1);
+  auto bus = evidence::VirtualBus::make(robot, made->undisturbed_, 1);
   if (!bus) return std::unexpected(bus.error());
-  made->bus_ = std::make_unique<panel::VirtualBus>(std::move(*bus));
+  made->bus_ = std::make_unique<evidence::VirtualBus>(std::move(*bus));
   if (auto armed = made->arm(); !armed) return std::unexpected(robot.file + ": " + armed.error());
   return made;
 }
 
-HoldingLoop::HoldingLoop(const config::RobotConfig& robot, plant::Plant plant, ProbedDynamics& probe,
+HoldingLoop::HoldingLoop(const config::RobotConfig& robot, simulation::Plant plant, ProbedDynamics& probe,
                          const Eigen::VectorXd& pose)
     : robot_(robot),
       undisturbed_({}, kStart),
-      config_(config::tick_config_of(robot, 0)),
+      config_(setup::tick_config_of(robot, 0)),
       state_(pipeline::make_tick_state(config_)),
       plant_(std::move(plant)),
       probe_(probe),
@@ -138,4 +137,4 @@ std::expected<void, std::string> HoldingLoop::arm() {
       "holding its pose, the robot does not come to rest ({:.3g} rad/s): the inner loop is unstable", fastest()));
 }
 
-}  // namespace takt::margin
+}  // namespace takt::study

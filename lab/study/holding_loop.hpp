@@ -16,14 +16,14 @@
 #include "executive/pipeline/control_tick.hpp"
 #include "lab/study/probed_dynamics.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 
 class HoldingLoop {
  public:
   // Powers on at `pose`, arms, and waits until the robot rests. The error is one sentence: what the simulation lacks,
   // why it does not arm, or that the loop does not come to rest. `robot` outlives this.
   static std::expected<std::unique_ptr<HoldingLoop>, std::string> make(const config::RobotConfig& robot,
-                                                                       std::unique_ptr<plant::Dynamics> dynamics,
+                                                                       std::unique_ptr<simulation::Dynamics> dynamics,
                                                                        const Eigen::VectorXd& pose);
   HoldingLoop(const HoldingLoop&) = delete;
   HoldingLoop& operator=(const HoldingLoop&) = delete;
@@ -34,19 +34,20 @@ class HoldingLoop {
   [[nodiscard]] std::string trouble();
 
  private:
-  HoldingLoop(const config::RobotConfig& robot, plant::Plant plant, ProbedDynamics& probe, const Eigen::VectorXd& pose);
+  HoldingLoop(const config::RobotConfig& robot, simulation::Plant plant, ProbedDynamics& probe,
+              const Eigen::VectorXd& pose);
   std::expected<void, std::string> arm();
   void tick();
   void answer(const Observation& observation);
   [[nodiscard]] double fastest() const;
 
   const config::RobotConfig& robot_;
-  panel::Disturbance undisturbed_;
+  evidence::Disturbance undisturbed_;
   pipeline::TickConfig config_;
   pipeline::TickStatePtr state_;
-  plant::Plant plant_;
+  simulation::Plant plant_;
   ProbedDynamics& probe_;  // the plant's
-  std::unique_ptr<panel::VirtualBus> bus_;
+  std::unique_ptr<evidence::VirtualBus> bus_;
   std::unique_ptr<CommandChunk> chunk_ = std::make_unique<CommandChunk>();
   std::unique_ptr<pipeline::TickOutput> output_ = std::make_unique<pipeline::TickOutput>();
   pipeline::TickInput input_;
@@ -55,4 +56,4 @@ class HoldingLoop {
   std::string trouble_;
 };
 
-}  // namespace takt::margin
+}  // namespace takt::study

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace takt::margin {
+namespace takt::study {
 namespace {
 
 // Of each joint's limits: far from every barrier, and from the slew limit.
@@ -64,4 +64,4 @@ std::complex<double> InjectedSine::response(std::size_t joint, double omega) {
   return -fit(seen.control) / fit(seen.total);
 }
 
-}  // namespace takt::margin
+}  // namespace takt::study

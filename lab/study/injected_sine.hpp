@@ -12,7 +12,7 @@
 #include "lab/study/holding_loop.hpp"
 #include "lab/study/inner_loop.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 
 // The sine of this frequency in `samples`, beside an offset and a drift: least squares, so that the window need not
 // hold whole periods. Complex amplitude: the real part goes with sin. `first`: index of the first sample in the sine's
@@ -38,4 +38,4 @@ class InjectedSine {
   std::string trouble_;
 };
 
-}  // namespace takt::margin
+}  // namespace takt::study

@@ -10,7 +10,7 @@
 #include "executive/setup/tick_config_of.hpp"
 #include "simulation/plant.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 namespace {
 
 using Complex = std::complex<double>;
@@ -24,7 +24,7 @@ Eigen::MatrixXd slope_of_compensation(const config::RobotConfig& robot, const Ei
   constexpr float kStep = 0.02F;  // rad: wide enough for single precision
   const Eigen::Index n = pose.size();
   Eigen::MatrixXd slope = Eigen::MatrixXd::Zero(n, n);
-  const pipeline::TickConfig config = config::tick_config_of(robot, 0);
+  const pipeline::TickConfig config = setup::tick_config_of(robot, 0);
   if (!config.gravity_compensation) return slope;
   const pipeline::GravityModel model(config);
   const Eigen::VectorXf at = pose.cast<float>();
@@ -60,11 +60,11 @@ std::string no_loop(const config::Joint& joint) {
   return joint.kp > 0 || joint.kd > 0 ? "" : "kp and kd are 0: the policy alone holds it";
 }
 
-std::expected<InnerLoop, std::string> InnerLoop::make(const config::RobotConfig& robot, plant::Dynamics& dynamics,
+std::expected<InnerLoop, std::string> InnerLoop::make(const config::RobotConfig& robot, simulation::Dynamics& dynamics,
                                                       const Eigen::VectorXd& pose) {
   Eigen::VectorXd viscous(pose.size());
   for (Eigen::Index j = 0; j < pose.size(); ++j)
-    viscous[j] = plant::friction_of(*robot.simulation, robot.joints[static_cast<std::size_t>(j)]).viscous;
+    viscous[j] = simulation::friction_of(*robot.simulation, robot.joints[static_cast<std::size_t>(j)]).viscous;
   const auto linear = linearise(dynamics, pose, viscous);
   if (!linear) return std::unexpected(robot.file + ": " + linear.error());
   std::vector<Gains> gains;
@@ -144,4 +144,4 @@ Eigen::VectorXcd InnerLoop::disturbed(std::size_t joint, double omega) const {
   return plant * closed.partialPivLu().solve(Eigen::VectorXcd::Unit(n, static_cast<Eigen::Index>(joint)));
 }
 
-}  // namespace takt::margin
+}  // namespace takt::study

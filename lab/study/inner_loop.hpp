@@ -23,12 +23,12 @@
 #include "lab/study/linear_plant.hpp"
 #include "simulation/dynamics.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 
 class InnerLoop {
  public:
   // Precondition: robot.simulation. The error is one sentence.
-  static std::expected<InnerLoop, std::string> make(const config::RobotConfig& robot, plant::Dynamics& dynamics,
+  static std::expected<InnerLoop, std::string> make(const config::RobotConfig& robot, simulation::Dynamics& dynamics,
                                                     const Eigen::VectorXd& pose);
 
   // L of that joint. omega in rad/s, below the sampling's half.
@@ -65,4 +65,4 @@ std::string not_computable(const config::Joint& joint);
 // Why the joint has no stabiliser, or empty.
 std::string no_loop(const config::Joint& joint);
 
-}  // namespace takt::margin
+}  // namespace takt::study

@@ -11,7 +11,7 @@
 #include "simulation/arm_dynamics.hpp"
 #include "simulation/free_inertias.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 namespace {
 
 // Remembers what was asked, for the picture.
@@ -72,21 +72,21 @@ bool JointMargins::rings() const {
   return phase_rad() && *phase_rad() < kLeastPhase_rad;
 }
 
-std::expected<std::unique_ptr<plant::Dynamics>, std::string> dynamics_of(const config::RobotConfig& robot) {
+std::expected<std::unique_ptr<simulation::Dynamics>, std::string> dynamics_of(const config::RobotConfig& robot) {
   if (robot.model) {
-    auto arm = plant::ArmDynamics::make(robot);
+    auto arm = simulation::ArmDynamics::make(robot);
     if (!arm) return std::unexpected(arm.error());
     return std::move(*arm);
   }
   std::vector<double> inertia;
   for (const config::Joint& joint : robot.joints) inertia.push_back(joint.inertia);
-  return std::make_unique<plant::FreeInertias>(std::move(inertia));
+  return std::make_unique<simulation::FreeInertias>(std::move(inertia));
 }
 
 std::string no_rest(const config::RobotConfig& robot) {
   if (robot.simulation && robot.simulation->cart_pole)
     return "its pole falls while the drive holds the cart: no joint comes to rest without the policy";
-  if (panel::task_of(robot) == panel::Task::base_velocity)
+  if (evidence::task_of(robot) == evidence::Task::base_velocity)
     return "its base is free and falls: no joint comes to rest without the policy";
   return {};
 }
@@ -122,4 +122,4 @@ std::expected<std::vector<JointMargins>, std::string> joint_margins(const Margin
   return all;
 }
 
-}  // namespace takt::margin
+}  // namespace takt::study

@@ -16,7 +16,7 @@
 #include "lab/study/loop_margins.hpp"
 #include "simulation/dynamics.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 
 struct ResponsePoint {
   double omega = 0;  // rad/s
@@ -45,9 +45,9 @@ inline constexpr double kAgreement = 0.10;
 
 // A fresh copy of the robot's mechanics.
 using DynamicsMaker =
-    std::function<std::expected<std::unique_ptr<plant::Dynamics>, std::string>(const config::RobotConfig& robot)>;
+    std::function<std::expected<std::unique_ptr<simulation::Dynamics>, std::string>(const config::RobotConfig& robot)>;
 // A rigid-body arm where the robot file has a model, else one flywheel per joint.
-std::expected<std::unique_ptr<plant::Dynamics>, std::string> dynamics_of(const config::RobotConfig& robot);
+std::expected<std::unique_ptr<simulation::Dynamics>, std::string> dynamics_of(const config::RobotConfig& robot);
 
 struct MarginSetup {
   const config::RobotConfig& robot;     // computed from
@@ -64,4 +64,4 @@ Eigen::VectorXd home_pose(const config::RobotConfig& robot);
 // simulator knows, a loop that does not come to rest.
 std::expected<std::vector<JointMargins>, std::string> joint_margins(const MarginSetup& setup);
 
-}  // namespace takt::margin
+}  // namespace takt::study

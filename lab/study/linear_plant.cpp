@@ -5,7 +5,7 @@
 #include <Eigen/QR>
 #include <vector>
 
-namespace takt::margin {
+namespace takt::study {
 namespace {
 
 constexpr Duration kInstant = microseconds(10);
@@ -16,18 +16,18 @@ constexpr int kSeriesTerms = 24;
 // Accelerations at one state, from one instant under constant torque.
 class Acceleration {
  public:
-  Acceleration(plant::Dynamics& dynamics, const Eigen::VectorXd& viscous) : dynamics_(dynamics) {
+  Acceleration(simulation::Dynamics& dynamics, const Eigen::VectorXd& viscous) : dynamics_(dynamics) {
     for (const double each : viscous) friction_.push_back({each, 0});
   }
   Eigen::VectorXd operator()(const Eigen::VectorXd& q, const Eigen::VectorXd& dq, const Eigen::VectorXd& tau) {
-    plant::ArmState state{q, dq};
+    simulation::ArmState state{q, dq};
     dynamics_.integrate(state, tau, friction_, kInstant);
     return (state.dq - dq) / kInstant.seconds();
   }
 
  private:
-  plant::Dynamics& dynamics_;
-  std::vector<plant::Friction> friction_;
+  simulation::Dynamics& dynamics_;
+  std::vector<simulation::Friction> friction_;
 };
 
 // Column by column, central differences of `f` around `at`.
@@ -47,7 +47,7 @@ Eigen::MatrixXd jacobian(const Eigen::VectorXd& at, double small, Function f) {
 
 }  // namespace
 
-std::expected<LinearPlant, std::string> linearise(plant::Dynamics& dynamics, const Eigen::VectorXd& pose,
+std::expected<LinearPlant, std::string> linearise(simulation::Dynamics& dynamics, const Eigen::VectorXd& pose,
                                                   const Eigen::VectorXd& viscous) {
   Acceleration acceleration(dynamics, viscous);
   const Eigen::Index n = pose.size();
@@ -92,4 +92,4 @@ Eigen::MatrixXcd SampledPlant::response(double omega) const {
   return resolvent.partialPivLu().solve(gamma.cast<std::complex<double>>());
 }
 
-}  // namespace takt::margin
+}  // namespace takt::study

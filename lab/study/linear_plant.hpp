@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any mechanics behind plant::Dynamics, linearised around a pose at rest: ddq = A_q dq + A_v ddq + B tau, by central
-// differences of one very short step, so that M(q), gravity's stiffness, viscous friction and joints without a drive
-// come out of whatever integrates them. Then sampled: exact for torques that are constant during a step.
+// Any mechanics behind simulation::Dynamics, linearised around a pose at rest: ddq = A_q dq + A_v ddq + B tau, by
+// central differences of one very short step, so that M(q), gravity's stiffness, viscous friction and joints without a
+// drive come out of whatever integrates them. Then sampled: exact for torques that are constant during a step.
 //
 // Coulomb friction has no linearisation at rest and is left out. It only takes energy out, so a loop is at least as
 // stable with it. Units: rad (or m), s, Nm (or N). Errors: one sentence. Thread rule: one thread at a time.
@@ -15,7 +15,7 @@
 #include "executive/contract/mono_time.hpp"
 #include "simulation/dynamics.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 
 // x = (q, dq), each relative to the pose; n joints.
 struct LinearPlant {
@@ -25,7 +25,7 @@ struct LinearPlant {
 };
 
 // `viscous`: Nm s/rad, one per joint. The error: the pose cannot be held by the torques that there are.
-std::expected<LinearPlant, std::string> linearise(plant::Dynamics& dynamics, const Eigen::VectorXd& pose,
+std::expected<LinearPlant, std::string> linearise(simulation::Dynamics& dynamics, const Eigen::VectorXd& pose,
                                                   const Eigen::VectorXd& viscous);
 
 // x[k+1] = phi x[k] + gamma tau[k].
@@ -37,4 +37,4 @@ struct SampledPlant {
 };
 SampledPlant sample(const LinearPlant& plant, Duration step);
 
-}  // namespace takt::margin
+}  // namespace takt::study

@@ -5,7 +5,7 @@
 #include <numbers>
 #include <vector>
 
-namespace takt::margin {
+namespace takt::study {
 namespace {
 
 using Complex = std::complex<double>;
@@ -97,4 +97,4 @@ LoopMargins margins_of(const LoopResponse& response, const Sweep& sweep) {
   return margins;
 }
 
-}  // namespace takt::margin
+}  // namespace takt::study

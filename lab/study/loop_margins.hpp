@@ -16,7 +16,7 @@
 
 #include "executive/contract/mono_time.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 
 using LoopResponse = std::function<std::complex<double>(double omega)>;  // rad/s
 
@@ -39,4 +39,4 @@ Sweep sweep_of(Duration step, int points, int refinements);
 
 LoopMargins margins_of(const LoopResponse& response, const Sweep& sweep);
 
-}  // namespace takt::margin
+}  // namespace takt::study

@@ -10,7 +10,7 @@
 
 #include "evidence/review/svg.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -103,7 +103,7 @@ constexpr double kMost_dB = 60, kLeast_dB = -60;
 // One of the two panels: where a frequency and a value lie in it.
 struct Axes {
   double top = 0, low_log = 0, high_log = 0, least = 0, most = 0;
-  [[nodiscard]] monitor::SvgPoint at(double omega, double value) const {
+  [[nodiscard]] evidence::SvgPoint at(double omega, double value) const {
     const double across = (std::log10(omega) - low_log) / (high_log - low_log);
     const double down = (most - std::clamp(value, least, most)) / (most - least);
     return {kLeft + kWidth * across, top + kHeight * down};
@@ -125,24 +125,24 @@ double phase_deg(const std::complex<double>& loop) {
 void draw_grid(const Axes& axes, std::string_view unit, double step, std::string& out) {
   for (double value = axes.least; value <= axes.most; value += step) {
     const double y = axes.at(1, value).y;
-    out += monitor::svg_line(kLeft, y, kLeft + kWidth, y, "#dddddd");
-    out += monitor::svg_text(kLeft - 6, y + 4, fmt::format("{:g}", value), "end");
+    out += evidence::svg_line(kLeft, y, kLeft + kWidth, y, "#dddddd");
+    out += evidence::svg_text(kLeft - 6, y + 4, fmt::format("{:g}", value), "end");
   }
   for (double decade = std::ceil(axes.low_log); decade <= axes.high_log; ++decade) {
     const double x = axes.at(std::pow(10, decade), 0).x;
-    out += monitor::svg_line(x, axes.top, x, axes.top + kHeight, "#dddddd");
-    out += monitor::svg_text(x, axes.top + kHeight + 16, fmt::format("{:g} rad/s", std::pow(10, decade)), "middle");
+    out += evidence::svg_line(x, axes.top, x, axes.top + kHeight, "#dddddd");
+    out += evidence::svg_text(x, axes.top + kHeight + 16, fmt::format("{:g} rad/s", std::pow(10, decade)), "middle");
   }
-  out += monitor::svg_text(kLeft, axes.top - 8, unit, "start");
+  out += evidence::svg_text(kLeft, axes.top - 8, unit, "start");
 }
 
 void draw_joint(const JointMargins& joint, std::string_view colour, const Axes& axes, Value value, std::string& out) {
-  std::vector<monitor::SvgPoint> line;
+  std::vector<evidence::SvgPoint> line;
   for (const ResponsePoint& point : joint.computed_response) line.push_back(axes.at(point.omega, value(point.loop)));
-  out += monitor::svg_polyline(line, colour);
+  out += evidence::svg_polyline(line, colour);
   for (const ResponsePoint& point : joint.injected_response) {
-    const monitor::SvgPoint place = axes.at(point.omega, value(point.loop));
-    out += monitor::svg_rectangle({place.x - 2, place.y - 2, 4, 4}, colour, 1, joint.joint);
+    const evidence::SvgPoint place = axes.at(point.omega, value(point.loop));
+    out += evidence::svg_rectangle({place.x - 2, place.y - 2, 4, 4}, colour, 1, joint.joint);
   }
 }
 
@@ -186,11 +186,11 @@ std::string bode_svg(std::span<const JointMargins> joints) {
     const std::string_view colour = kColours[i % kColours.size()];
     draw_joint(joints[i], colour, gain, decibels, body);
     draw_joint(joints[i], colour, phase, phase_deg, body);
-    body += monitor::svg_rectangle({kLeft + kWidth + 16, y - 9, 10, 10}, colour, 1, joints[i].joint);
-    body += monitor::svg_text(kLeft + kWidth + 32, y, joints[i].joint, "start");
+    body += evidence::svg_rectangle({kLeft + kWidth + 16, y - 9, 10, 10}, colour, 1, joints[i].joint);
+    body += evidence::svg_text(kLeft + kWidth + 32, y, joints[i].joint, "start");
     y += 18;
   }
-  return monitor::svg_document(kLeft + kWidth + 190, phase.top + kHeight + 30, "Loops of the stabiliser", body);
+  return evidence::svg_document(kLeft + kWidth + 190, phase.top + kHeight + 30, "Loops of the stabiliser", body);
 }
 
-}  // namespace takt::margin
+}  // namespace takt::study

@@ -11,7 +11,7 @@
 #include "lab/study/age_tolerance.hpp"
 #include "lab/study/joint_margins.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 
 struct MarginReport {
   const config::RobotConfig& robot;
@@ -29,4 +29,4 @@ nlohmann::ordered_json to_json(const MarginReport& report);
 // Gain and phase of every joint's loop: lines computed, marks injected. Precondition: some joint has a loop.
 std::string bode_svg(std::span<const JointMargins> joints);
 
-}  // namespace takt::margin
+}  // namespace takt::study

@@ -6,7 +6,7 @@
 
 #include "lab/study/margin_report.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 namespace {
 
 constexpr double kDegreesPerRad = 180 / std::numbers::pi, kHertz = 0.5 / std::numbers::pi;
@@ -119,4 +119,4 @@ std::string margin_text(const MarginReport& report) {
   return text + proposal(*report.tolerance, report.robot);
 }
 
-}  // namespace takt::margin
+}  // namespace takt::study

@@ -9,7 +9,7 @@
 
 #include "simulation/dynamics.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 
 // One entry per step of the plant since inject().
 struct ProbeRecord {
@@ -17,24 +17,24 @@ struct ProbeRecord {
   std::vector<double> total;    // with what was added: what the joint got
 };
 
-class ProbedDynamics final : public plant::Dynamics {
+class ProbedDynamics final : public simulation::Dynamics {
  public:
   // `own`: the robot file's friction, by joint.
-  ProbedDynamics(std::unique_ptr<plant::Dynamics> bare, std::vector<plant::Friction> own)
+  ProbedDynamics(std::unique_ptr<simulation::Dynamics> bare, std::vector<simulation::Friction> own)
       : bare_(std::move(bare)), own_(std::move(own)) {}
 
   // From the next step on; amplitude 0 adds nothing and goes on recording.
   void inject(std::size_t joint, double amplitude, double omega);
-  void integrate(plant::ArmState& state, const Eigen::VectorXd& tau, const std::vector<plant::Friction>& friction,
-                 Duration step) override;
+  void integrate(simulation::ArmState& state, const Eigen::VectorXd& tau,
+                 const std::vector<simulation::Friction>& friction, Duration step) override;
   [[nodiscard]] const ProbeRecord& record() const { return record_; }
 
  private:
-  std::unique_ptr<plant::Dynamics> bare_;
-  std::vector<plant::Friction> own_;
+  std::unique_ptr<simulation::Dynamics> bare_;
+  std::vector<simulation::Friction> own_;
   Eigen::Index joint_ = 0;
   double amplitude_ = 0, omega_ = 0;
   ProbeRecord record_;
 };
 
-}  // namespace takt::margin
+}  // namespace takt::study

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace takt::monitor {
+namespace takt::lab {
 namespace {
 
 std::uint64_t config_of(const Timeline& timeline, std::int64_t pid) {
@@ -107,4 +107,4 @@ Chains chains_of(const Timeline& timeline, std::int64_t executive_pid) {
   return chains;
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

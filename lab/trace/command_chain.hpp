@@ -11,7 +11,7 @@
 
 #include "lab/trace/timeline.hpp"
 
-namespace takt::monitor {
+namespace takt::lab {
 
 // One accepted command. An instant is unset where the trace has no event for it.
 struct CommandChain {
@@ -46,4 +46,4 @@ struct Chains {
 // Of the executive with this pid. Answers of policy hosts with another configuration are not considered.
 Chains chains_of(const Timeline& timeline, std::int64_t executive_pid);
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

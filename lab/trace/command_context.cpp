@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <span>
 
-namespace takt::monitor {
+namespace takt::lab {
 namespace {
 
 // From the last tick at or before the sensing to the tick of first use.
@@ -64,4 +64,4 @@ CommandContext context_of(const CommandChain& chain, const TracedExecutive& exec
   return context;
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

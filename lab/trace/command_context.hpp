@@ -6,7 +6,7 @@
 
 #include "lab/trace/review.hpp"
 
-namespace takt::monitor {
+namespace takt::lab {
 
 // Of one executive. `records` may be null.
 CommandContext context_of(const CommandChain& chain, const TracedExecutive& executive, Duration period,
@@ -16,4 +16,4 @@ CommandContext context_of(const CommandChain& chain, const TracedExecutive& exec
 std::uint64_t skipped_between(const TracedTick& before, const TracedTick& tick, Duration period);
 bool is_late(const TracedTick& tick, Duration period);
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

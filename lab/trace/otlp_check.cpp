@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-namespace takt::monitor {
+namespace takt::lab {
 namespace {
 
 using Json = nlohmann::json;
@@ -118,4 +118,4 @@ std::string otlp_text(const OtlpCheck& check) {
          (check.agrees() ? "              export and records agree\n" : "              export and records DISAGREE\n");
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

@@ -9,7 +9,7 @@
 
 #include "lab/trace/record_check.hpp"
 
-namespace takt::monitor {
+namespace takt::lab {
 
 // A trace as it was exported: one command at its first use.
 struct ToldCommand {
@@ -34,4 +34,4 @@ OtlpCheck check_told_commands(const std::vector<ToldCommand>& told, const std::v
 
 std::string otlp_text(const OtlpCheck& check);
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-namespace takt::monitor {
+namespace takt::lab {
 namespace {
 
 // One line of the file. Spans come as a begin and an end, so that nesting is the reader's.
@@ -146,4 +146,4 @@ void write_perfetto(const Timeline& timeline, const Chains& chains, std::int64_t
   write("\n]}\n");
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

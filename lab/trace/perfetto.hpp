@@ -9,10 +9,10 @@
 
 #include "lab/trace/command_chain.hpp"
 
-namespace takt::monitor {
+namespace takt::lab {
 
 // Hands out the text piece by piece: a long trace is larger than it should be in memory.
 void write_perfetto(const Timeline& timeline, const Chains& chains, std::int64_t executive_pid,
                     const std::function<void(std::string_view)>& write);
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

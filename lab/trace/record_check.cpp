@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <unordered_map>
 
-namespace takt::monitor {
+namespace takt::lab {
 namespace {
 
 const TickFacts* record_of(const std::vector<TickFacts>& records, std::uint64_t tick) {
@@ -141,4 +141,4 @@ std::expected<std::int64_t, std::string> executive_of(const Timeline& timeline, 
       "no tick of the trace is in this run: they are not of the same session, or do not overlap in time");
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

@@ -15,7 +15,7 @@
 
 #include "lab/trace/command_chain.hpp"
 
-namespace takt::monitor {
+namespace takt::lab {
 
 inline constexpr Duration kAgreement = microseconds(20);
 
@@ -62,4 +62,4 @@ RecordCheck check_records(const TracedExecutive& executive, const Chains& chains
 // The executive of the trace that this run records: the one with a tick at the very instant of the record.
 std::expected<std::int64_t, std::string> executive_of(const Timeline& timeline, const std::vector<TickFacts>& records);
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

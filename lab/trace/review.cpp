@@ -7,7 +7,7 @@
 
 #include "lab/trace/command_context.hpp"
 
-namespace takt::monitor {
+namespace takt::lab {
 namespace {
 
 std::expected<std::int64_t, std::string> only_executive(const Timeline& timeline) {
@@ -32,20 +32,20 @@ Duration period_of(const std::vector<TracedTick>& ticks) {
   return *middle;
 }
 
-Quantiles stage_quantiles(const std::vector<CommandChain>& chains, Stage stage) {
+monitor::Quantiles stage_quantiles(const std::vector<CommandChain>& chains, Stage stage) {
   std::vector<std::int64_t> samples;
   for (const CommandChain& chain : chains) {
     if (const auto spent = stage_of(chain, stage)) samples.push_back(spent->ns);
   }
-  return quantiles_of(samples);
+  return monitor::quantiles_of(samples);
 }
 
-Quantiles span_quantiles(const std::vector<TracedSpan>& spans) {
+monitor::Quantiles span_quantiles(const std::vector<TracedSpan>& spans) {
   std::vector<std::int64_t> samples;
   for (const TracedSpan& span : spans) {
     if (span.begin_at.is_set() && span.end_at.is_set()) samples.push_back((span.end_at - span.begin_at).ns);
   }
-  return quantiles_of(samples);
+  return monitor::quantiles_of(samples);
 }
 
 void review_ticks(const std::vector<TracedTick>& ticks, TraceReview& review) {
@@ -58,8 +58,8 @@ void review_ticks(const std::vector<TracedTick>& ticks, TraceReview& review) {
     if (i != 0) review.skipped_periods += skipped_between(ticks[i - 1], tick, review.period);
   }
   review.ticks = ticks.size();
-  review.lateness = quantiles_of(lateness);
-  review.tick_work = quantiles_of(work);
+  review.lateness = monitor::quantiles_of(lateness);
+  review.tick_work = monitor::quantiles_of(work);
 }
 
 Stage longest_stage(const CommandChain& chain) {
@@ -115,4 +115,4 @@ std::expected<TraceReview, std::string> review_trace(const Timeline& timeline, c
   return review;
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

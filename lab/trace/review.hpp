@@ -16,7 +16,7 @@
 #include "lab/trace/trace_reader.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
 
-namespace takt::monitor {
+namespace takt::lab {
 
 inline constexpr std::size_t kWorstCommands = 10;
 
@@ -41,8 +41,8 @@ struct WorstCommand {
 struct TraceReview {
   std::int64_t executive_pid = 0;
   Chains chains;
-  std::array<Quantiles, kStageNames.size()> stages;  // ns, by Stage
-  Quantiles lateness, tick_work, looks, drains;      // ns: wake-up, tick, policy host's and monitor's looks
+  std::array<monitor::Quantiles, kStageNames.size()> stages;  // ns, by Stage
+  monitor::Quantiles lateness, tick_work, looks, drains;      // ns: wake-up, tick, policy host's and monitor's looks
   std::uint64_t ticks = 0, late_wakeups = 0, skipped_periods = 0;
   Duration period{};                // median distance of ticks
   std::vector<WorstCommand> worst;  // by total, longest first
@@ -58,4 +58,4 @@ std::expected<TraceReview, std::string> review_trace(const Timeline& timeline, c
 std::string review_text(const TraceReview& review, const TraceReading& reading, const Timeline& timeline);
 nlohmann::ordered_json to_json(const TraceReview& review, const TraceReading& reading, const Timeline& timeline);
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

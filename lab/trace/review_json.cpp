@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "lab/trace/review.hpp"
 
-namespace takt::monitor {
+namespace takt::lab {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json to_json(const Quantiles& q) {
+Json to_json(const monitor::Quantiles& q) {
   return {{"count", q.count}, {"p50_ns", q.p50}, {"p95_ns", q.p95}, {"p99_ns", q.p99}, {"max_ns", q.max}};
 }
 
@@ -118,4 +118,4 @@ Json to_json(const TraceReview& review, const TraceReading& reading, const Timel
           {"records", review.records ? to_json(*review.records) : Json(nullptr)}};
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

@@ -3,7 +3,7 @@
 
 #include "lab/trace/review.hpp"
 
-namespace takt::monitor {
+namespace takt::lab {
 namespace {
 
 double ms(Duration span) {
@@ -44,7 +44,7 @@ std::string commands(const Chains& chains) {
   return text;
 }
 
-std::string row(std::string_view label, const Quantiles& q) {
+std::string row(std::string_view label, const monitor::Quantiles& q) {
   if (q.count == 0) return fmt::format("  {:<10} not in the trace\n", label);
   return fmt::format("  {:<10}{:>9}{:>11.4f}{:>11.4f}{:>11.4f}{:>11.4f}\n", label, q.count, q.p50 * 1e-6, q.p95 * 1e-6,
                      q.p99 * 1e-6, q.max * 1e-6);
@@ -130,4 +130,4 @@ std::string review_text(const TraceReview& review, const TraceReading& reading, 
   return text + check_text(*review.records);
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

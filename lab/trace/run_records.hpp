@@ -8,9 +8,9 @@
 
 #include "lab/trace/record_check.hpp"
 
-namespace takt::monitor {
+namespace takt::lab {
 
 // Ascending by tick. The error is one sentence.
 std::expected<std::vector<TickFacts>, std::string> records_of(const std::string& run_directory);
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <ranges>
 
-namespace takt::monitor {
+namespace takt::lab {
 
 Answer& Timeline::answer_of(const TraceEvent& event) {
   std::vector<Answer>& same = answers[{event.observation_id, event.sequence}];
@@ -86,4 +86,4 @@ void Timeline::add(const TraceEvent& event) {
   }
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

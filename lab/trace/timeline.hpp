@@ -13,7 +13,7 @@
 
 #include "lab/trace/trace_event.hpp"
 
-namespace takt::monitor {
+namespace takt::lab {
 
 struct TracedProcess {
   std::string program{};  // "takt-executive", ...; empty: it never said
@@ -88,4 +88,4 @@ struct Timeline {
   static void end_tick(std::vector<TracedTick>& ticks, const TraceEvent& event);
 };
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

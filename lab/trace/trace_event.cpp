@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "lab/trace/trace_event.hpp"
 
-namespace takt::monitor {
+namespace takt::lab {
 namespace {
 
 using Names = std::string_view;
@@ -43,4 +43,4 @@ std::span<const TraceEventShape> trace_events() {
   return kEvents;
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

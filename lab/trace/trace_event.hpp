@@ -14,7 +14,7 @@
 #include "executive/contract/mono_time.hpp"
 #include "executive/contract/tick_record.hpp"
 
-namespace takt::monitor {
+namespace takt::lab {
 
 enum class EventName : std::uint8_t {
   init,
@@ -60,4 +60,4 @@ struct TraceEventShape {
 // In the order of EventName.
 std::span<const TraceEventShape> trace_events();
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

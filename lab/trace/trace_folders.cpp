@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <set>
 
-namespace takt::monitor {
+namespace takt::lab {
 namespace {
 
 namespace fs = std::filesystem;
@@ -48,4 +48,4 @@ std::expected<std::vector<std::string>, std::string> trace_folders(const std::st
   return found;
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

@@ -11,7 +11,7 @@
 
 #include "lab/trace/trace_folders.hpp"
 
-namespace takt::monitor {
+namespace takt::lab {
 namespace {
 
 constexpr std::string_view kProvider = "takt:";
@@ -334,4 +334,4 @@ std::expected<TraceReading, std::string> read_trace(const std::string& directory
   return std::move(reader.reading);
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

@@ -15,7 +15,7 @@
 
 #include "lab/trace/trace_event.hpp"
 
-namespace takt::monitor {
+namespace takt::lab {
 
 // Events, or whole packets of them, that did not make it into the trace.
 struct TraceLoss {
@@ -36,4 +36,4 @@ struct TraceReading {
 std::expected<TraceReading, std::string> read_trace(const std::string& directory,
                                                     const std::function<void(const TraceEvent&)>& visit);
 
-}  // namespace takt::monitor
+}  // namespace takt::lab

@@ -71,10 +71,11 @@ void ChunkMonitors::watch(const TickRecordHeader& header, const ChunkScores& sco
   ++answers_;
   newest_.push_back(scores);
   if (newest_.size() > static_cast<std::size_t>(rule_.of)) newest_.pop_front();
-  for (std::size_t score = 0; score < kChunkScoreCount; ++score) judge(header, static_cast<ChunkScore>(score));
+  for (std::size_t score = 0; score < config::kChunkScoreCount; ++score)
+    judge(header, static_cast<config::ChunkScore>(score));
 }
 
-void ChunkMonitors::judge(const TickRecordHeader& header, ChunkScore score) {
+void ChunkMonitors::judge(const TickRecordHeader& header, config::ChunkScore score) {
   const auto index = static_cast<std::size_t>(score);
   const auto votes = static_cast<std::size_t>(rule_.votes);
   if (newest_.size() < votes) return;

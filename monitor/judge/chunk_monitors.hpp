@@ -26,7 +26,7 @@
 namespace takt::monitor {
 
 struct PolicyCatch {
-  ChunkScore score = ChunkScore::temporal_error;
+  config::ChunkScore score = config::ChunkScore::temporal_error;
   std::uint64_t tick = 0;  // that accepted the last of the answers
   MonoTime at;
   std::uint64_t command = 0, observation = 0;  // of that answer: its sequence, and what it answers
@@ -60,12 +60,12 @@ class ChunkMonitors {
  private:
   [[nodiscard]] bool is_whole() const;
   void watch(const TickRecordHeader& header, const ChunkScores& scores);
-  void judge(const TickRecordHeader& header, ChunkScore score);
+  void judge(const TickRecordHeader& header, config::ChunkScore score);
   void forget();
 
   std::optional<ChunkScorer> scorer_;
   config::ChunkMonitors rule_;
-  std::array<std::optional<double>, kChunkScoreCount> thresholds_;
+  std::array<std::optional<double>, config::kChunkScoreCount> thresholds_;
   std::size_t joints_;
   std::unique_ptr<CommandChunk> read_ = std::make_unique<CommandChunk>();
   std::size_t read_bytes_ = 0;  // 0: nothing was read
@@ -75,7 +75,7 @@ class ChunkMonitors {
   };
   std::deque<Published> published_;
   std::deque<ChunkScores> newest_;
-  std::array<bool, kChunkScoreCount> caught_{};
+  std::array<bool, config::kChunkScoreCount> caught_{};
   ChunkScores levels_{};
   std::uint64_t answers_ = 0, catch_count_ = 0;
   std::vector<PolicyCatch> catches_;

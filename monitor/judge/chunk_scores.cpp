@@ -115,8 +115,10 @@ double ChunkScorer::temporal_error(const std::vector<Step>& steps, MonoTime begi
 ChunkScores ChunkScorer::score(const CommandChunk& chunk, MonoTime observed_at) {
   std::vector<Step> steps = steps_of(chunk);
   ChunkScores scores{};
-  const auto put = [&scores](ChunkScore score, double value) { scores[static_cast<std::size_t>(score)] = value; };
-  put(ChunkScore::temporal_error, temporal_error(steps, observed_at, chunk.header.step_period));
+  const auto put = [&scores](config::ChunkScore score, double value) {
+    scores[static_cast<std::size_t>(score)] = value;
+  };
+  put(config::ChunkScore::temporal_error, temporal_error(steps, observed_at, chunk.header.step_period));
 
   first_steps_.push_back(steps.front());
   if (first_steps_.size() > kAnswers) first_steps_.pop_front();
@@ -124,11 +126,11 @@ ChunkScores ChunkScorer::score(const CommandChunk& chunk, MonoTime observed_at) 
       steps.size() >= kPathSteps ? steps : std::vector<Step>(first_steps_.begin(), first_steps_.end());
   if (path.size() >= kPathSteps) {
     const std::vector<Step> moves = differences(path);
-    put(ChunkScore::reversals, reversals(moves));
-    put(ChunkScore::jerk, jerk(moves));
-    put(ChunkScore::inefficiency, inefficiency(path, moves));
-    put(ChunkScore::stall, stall(moves));
-    put(ChunkScore::velocity, largest(*std::ranges::max_element(moves, {}, largest)));
+    put(config::ChunkScore::reversals, reversals(moves));
+    put(config::ChunkScore::jerk, jerk(moves));
+    put(config::ChunkScore::inefficiency, inefficiency(path, moves));
+    put(config::ChunkScore::stall, stall(moves));
+    put(config::ChunkScore::velocity, largest(*std::ranges::max_element(moves, {}, largest)));
   }
   before_ = std::move(steps);
   before_begins_ = observed_at;

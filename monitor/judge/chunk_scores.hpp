@@ -30,7 +30,7 @@
 
 namespace takt::monitor {
 
-using ChunkScores = std::array<double, kChunkScoreCount>;  // in the order of ChunkScore
+using ChunkScores = std::array<double, config::kChunkScoreCount>;  // in the order of ChunkScore
 
 class ChunkScorer {
  public:

@@ -218,9 +218,9 @@ Judged silence(const Case& c) {
         fmt::format("no command came for {:.4g} ms after one with tau_sense {:.3g} ms against a median of {:.3g} ms",
                     c.evidence.silence.milliseconds(), c.evidence.sense_before.milliseconds(),
                     c.baseline.parts[sense].milliseconds()));
-  return c.verdict(Fault::inference_stall,
-                   fmt::format("no command came for {:.4g} ms, max_age is {:.3g} ms; {}",
-                               c.evidence.silence.milliseconds(), c.rules.max_age.milliseconds(), kPolicyLogHint));
+  return c.verdict(Fault::inference_stall, fmt::format("no command came for {:.4g} ms, max_age is {:.3g} ms; {}",
+                                                       c.evidence.silence.milliseconds(),
+                                                       c.rules.max_age.milliseconds(), incident::kPolicyLogHint));
 }
 
 Judged lost_replies(const Case& c) {

@@ -138,13 +138,13 @@ void join(RunMetrics& metrics, const RecordedRun& run) {
                    .from = change.from,
                    .to = change.to,
                    .cause = change.cause,
-                   .asked = is_asked(change.cause),
+                   .asked = incident::is_asked(change.cause),
                    .detail = std::move(told.detail),
                    .chain = {{change.tick, change.at, fmt::format("{} -> {}", name(change.from), name(change.to))}},
                    .sentence = std::move(told.sentence)});
   }
   std::ranges::stable_sort(metrics.transitions, {}, &Transition::tick);
-  std::ranges::stable_sort(metrics.incidents, {}, &Incident::tick);
+  std::ranges::stable_sort(metrics.incidents, {}, &incident::Incident::tick);
 }
 
 bool moves(Mode mode) {
@@ -250,7 +250,7 @@ void judge_end(RunMetrics& metrics, const RecordedRun& run) {
     for (MissRate* const misses : {&metrics.misses_per_tick, &metrics.misses_per_command})
       if (misses->verdict == Verdict::held) misses->verdict = Verdict::undecided;
   }
-  for (Incident& incident : metrics.incidents) {
+  for (incident::Incident& incident : metrics.incidents) {
     const ScriptFinding found = script.explain(incident);
     if (found.scripted.empty() && found.ended.empty() && found.said.empty()) continue;
     StopOrigin& origin = metrics.stop_origins[incident.tick];

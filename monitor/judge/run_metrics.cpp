@@ -9,7 +9,7 @@
 
 namespace takt::monitor {
 
-void note(RunMetrics& metrics, Incident incident) {
+void note(RunMetrics& metrics, incident::Incident incident) {
   ++metrics.incident_count;
   if (metrics.incidents.size() < kListedIncidents) metrics.incidents.push_back(std::move(incident));
 }
@@ -19,8 +19,8 @@ void note(RunMetrics& metrics, const ChunkMonitors& monitors) {
   metrics.catch_count = monitors.catch_count();
 }
 
-std::vector<Incident> by_gravity(std::vector<Incident> incidents) {
-  std::ranges::stable_sort(incidents, {}, [](const Incident& incident) {
+std::vector<incident::Incident> by_gravity(std::vector<incident::Incident> incidents) {
+  std::ranges::stable_sort(incidents, {}, [](const incident::Incident& incident) {
     return std::pair{incident.asked, incident.to != Mode::fault_latched};
   });
   return incidents;
@@ -29,7 +29,7 @@ std::vector<Incident> by_gravity(std::vector<Incident> incidents) {
 std::expected<RunMetrics, std::string> metrics_of(const RecordedRun& run) {
   RunMetrics metrics;
   MetricsCollector collector(metrics);
-  IncidentWatch incidents(run.robot);
+  incident::IncidentWatch incidents(run.robot);
   ChunkMonitors monitors(run.robot);
   SensorAges sensors(run.robot);
   const auto scan = scan_run(run, {.tick =

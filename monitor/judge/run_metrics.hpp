@@ -108,8 +108,8 @@ struct RunMetrics {
   std::uint64_t skipped_periods = 0, integration_errors = 0;      // within the recorded part
   std::array<std::uint64_t, kInterventionCount> interventions{};  // joint-ticks
   std::vector<Transition> transitions;
-  std::uint64_t transition_count = 0;  // transitions holds the first kListedTransitions
-  std::vector<Incident> incidents;     // the first kListedIncidents
+  std::uint64_t transition_count = 0;         // transitions holds the first kListedTransitions
+  std::vector<incident::Incident> incidents;  // the first kListedIncidents
   std::uint64_t incident_count = 0;
   std::map<std::uint64_t, StopOrigin> stop_origins;  // by the incident's tick
   std::vector<NotedRequest> requests;                // in time
@@ -130,10 +130,10 @@ inline constexpr std::size_t kListedMarks = 1000;
 inline constexpr std::size_t kListedPolicyChanges = 1000;
 inline constexpr std::size_t kListedIncidents = 1000;
 
-void note(RunMetrics& metrics, Incident incident);
+void note(RunMetrics& metrics, incident::Incident incident);
 void note(RunMetrics& metrics, const ChunkMonitors& monitors);
 // The gravest comes first: what was not requested, faults before stops; among equals the oldest.
-std::vector<Incident> by_gravity(std::vector<Incident> incidents);
+std::vector<incident::Incident> by_gravity(std::vector<incident::Incident> incidents);
 
 std::expected<RunMetrics, std::string> metrics_of(const RecordedRun& run);
 nlohmann::ordered_json to_json(const RunMetrics& metrics, const RecordedRun& run);

@@ -50,11 +50,11 @@ Json text_or_null(const std::string& text) {
   return text.empty() ? Json(nullptr) : Json(text);
 }
 
-Json incident_json(const Incident& incident, const RunMetrics& metrics) {
+Json incident_json(const incident::Incident& incident, const RunMetrics& metrics) {
   const auto found = metrics.stop_origins.find(incident.tick);
   const StopOrigin origin = found == metrics.stop_origins.end() ? StopOrigin{} : found->second;
   Json chain = Json::array();
-  for (const IncidentLink& link : incident.chain)
+  for (const incident::IncidentLink& link : incident.chain)
     chain.push_back({{"tick", link.tick}, {"monotonic_ns", link.at.ns}, {"what", link.what}});
   return {{"tick", incident.tick},
           {"monotonic_ns", incident.at.ns},
@@ -170,7 +170,7 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
   }
   json["incident_count"] = metrics.incident_count;
   json["incidents"] = Json::array();
-  for (const Incident& incident : by_gravity(metrics.incidents))
+  for (const incident::Incident& incident : by_gravity(metrics.incidents))
     json["incidents"].push_back(incident_json(incident, metrics));
   json["transition_count"] = metrics.transition_count;
   json["transitions"] = Json::array();
@@ -186,7 +186,7 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
   for (const PolicyCatch& one : metrics.catches)
     json["catches"].push_back({{"tick", one.tick},
                                {"monotonic_ns", one.at.ns},
-                               {"score", takt::name(one.score)},
+                               {"score", config::name(one.score)},
                                {"value", one.value},
                                {"threshold", one.threshold},
                                {"command", one.command},

@@ -177,12 +177,13 @@ std::string Script::end_of(std::string_view process, MonoTime since) const {
   return end == events_.end() ? std::string() : end_text(*end);
 }
 
-ScriptFinding Script::explain(Incident& incident) const {
+ScriptFinding Script::explain(incident::Incident& incident) const {
   ScriptFinding finding = of(incident.cause, incident.at);
   const std::string clause = clause_of(finding);
   if (clause.empty()) return finding;
-  const bool has_hint = incident.detail.find(kPolicyLogHint) != std::string::npos;
-  for (std::string* const text : {&incident.detail, &incident.sentence}) replace_in(*text, kPolicyLogHint, clause);
+  const bool has_hint = incident.detail.find(incident::kPolicyLogHint) != std::string::npos;
+  for (std::string* const text : {&incident.detail, &incident.sentence})
+    replace_in(*text, incident::kPolicyLogHint, clause);
   if (!has_hint) insert_clause(incident.sentence, clause);
   if (finding.scripted.empty() || incident.asked) return finding;
   incident.asked = true;
@@ -195,8 +196,8 @@ void Script::explain(FaultSummary& faults) const {
     const ScriptFinding finding = of(cause_like(verdict.fault), verdict.at);
     const std::string clause = clause_of(finding);
     if (clause.empty()) continue;
-    const bool has_hint = verdict.sentence.find(kPolicyLogHint) != std::string::npos;
-    if (has_hint) replace_in(verdict.sentence, kPolicyLogHint, clause);
+    const bool has_hint = verdict.sentence.find(incident::kPolicyLogHint) != std::string::npos;
+    if (has_hint) replace_in(verdict.sentence, incident::kPolicyLogHint, clause);
     if (!has_hint) verdict.sentence += "; " + clause;
   }
 }

@@ -31,7 +31,7 @@ class Script {
   // How the process ended first after `since`: "takt-monitor was killed by SIGKILL"; empty: it did not.
   [[nodiscard]] std::string end_of(std::string_view process, MonoTime since) const;
   // Puts what was found into the sentence. A scripted stop is asked for.
-  ScriptFinding explain(Incident& incident) const;
+  ScriptFinding explain(incident::Incident& incident) const;
   void explain(FaultSummary& faults) const;
 
  private:

@@ -55,7 +55,7 @@ class Diagnoser {
 
  private:
   const config::RobotConfig& robot_;
-  IncidentWatch incidents_;
+  incident::IncidentWatch incidents_;
   RobotStatus status_;
   RateLimit rate_{kPeriod};
 };

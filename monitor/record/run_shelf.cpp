@@ -88,7 +88,7 @@ bool is_unasked_stop(const std::string& line) {
   const std::string to = text("to"), cause = text("cause");
   if (to != name(Mode::damped_stop) && to != name(Mode::fault_latched)) return false;
   for (std::size_t i = 0; i < kCauseCount; ++i)
-    if (is_asked(static_cast<Cause>(i)) && cause == name(static_cast<Cause>(i))) return false;
+    if (incident::is_asked(static_cast<Cause>(i)) && cause == name(static_cast<Cause>(i))) return false;
   return true;
 }
 

@@ -6,7 +6,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -61,20 +60,5 @@ struct RecordedTick {
 // False when the message is not a tick. `out` is overwritten.
 bool decode_tick(std::span<const std::byte> message, RecordedTick& out);
 std::uint32_t crc_of(const TickRecord& record);
-
-// A field of a record, as replay names it.
-struct FieldPlace {
-  const TickField* field = nullptr;
-  enum class Group : std::uint8_t { header, bus, joint } group = Group::header;
-  std::size_t index = 0;   // bus or joint
-  std::size_t offset = 0;  // of the value, in the record
-};
-// First difference at or behind `from` in table order (header, buses, joints); `from` counts calls' results.
-std::optional<FieldPlace> first_difference(const TickRecord& a, const TickRecord& b);
-// When exactly one flipped bit explains why the record does not match its checksum: the field it is in, and the record
-// with that bit put right.
-std::optional<FieldPlace> locate_flipped_bit(const RecordedTick& tick, TickRecord& mended);
-// "0.125", "tracking (2)"; floats with enough digits to tell two values apart.
-std::string value_text(const TickRecord& record, const FieldPlace& place);
 
 }  // namespace takt::monitor

@@ -49,7 +49,7 @@ LiveMetrics::LiveMetrics(const config::RobotConfig& robot)
       interventions(robot.joints.size()),
       joints(robot.joints.size()),
       incidents_(robot) {
-  for (const auto& change : possible_transitions()) transitions[change] = 0;
+  for (const auto& change : incident::possible_transitions()) transitions[change] = 0;
   for (const std::string_view ring : kRingNames) {
     for (const std::string_view reason : kRingLossReasons) losses[{std::string(ring), std::string(reason)}] = 0;
     if (ring.ends_with("_input")) losses[{std::string(ring), std::string(kTooMany)}] = 0;

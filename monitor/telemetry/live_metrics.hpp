@@ -47,7 +47,7 @@ class LiveMetrics {
   void begin(std::string run_id);
   void tick(const TickRecord& record);
   void loss(const Loss& loss);
-  void caught(ChunkScore score) { ++catches[static_cast<std::size_t>(score)]; }
+  void caught(config::ChunkScore score) { ++catches[static_cast<std::size_t>(score)]; }
   // The session goes on, its recording does not. `unrecorded_ticks`: of this session, so far.
   void recording_stopped(std::uint64_t unrecorded_ticks);
   void end() { running = recording = false; }
@@ -71,19 +71,19 @@ class LiveMetrics {
   std::map<std::pair<Mode, Cause>, std::uint64_t> transitions;               // mode entered, and why; each from 0 on
   std::map<std::pair<std::string, std::string>, std::uint64_t> losses;       // ring, reason -> entries; each from 0 on
   std::vector<std::array<std::uint64_t, kInterventionCount>> interventions;  // by joint, in ticks
-  std::array<std::uint64_t, kChunkScoreCount> catches{};                     // of the chunk monitors
+  std::array<std::uint64_t, config::kChunkScoreCount> catches{};             // of the chunk monitors
   std::array<std::uint64_t, kPolicyChangeCount> policy_changes{};
   std::vector<JointRecord> joints;  // newest
   TickRecordHeader newest;          // its tick; 0: none yet
 
   // The stop or fault that the robot stands in; null: none.
-  [[nodiscard]] const Incident* standing() const {
+  [[nodiscard]] const incident::Incident* standing() const {
     return running && incidents_.stands() && incidents_.latest() ? &*incidents_.latest() : nullptr;
   }
 
  private:
   void on_wire(const TickRecordHeader& header);
-  IncidentWatch incidents_;
+  incident::IncidentWatch incidents_;
   WireWatch wire_;
   void joint_ticks(const TickRecord& record);
   std::uint64_t unrecorded_ticks_ = 0;  // of this session, that `losses` holds already

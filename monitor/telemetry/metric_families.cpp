@@ -108,7 +108,7 @@ void modes(Families& out, const LiveMetrics& metrics) {
 void incident(Families& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
   out.family({"takt.incident", "takt_incident", "", MetricKind::gauge,
               "1 while the robot stands in a stop or fault, by what it is about."});
-  const Incident* const standing = metrics.standing();
+  const incident::Incident* const standing = metrics.standing();
   if (standing == nullptr)
     return out.sample(0, {{"mode", "none"}, {"cause", "none"}, {"where", robot.robot}, {"asked", "no"}});
   out.sample(1, {{"mode", name(standing->to)},

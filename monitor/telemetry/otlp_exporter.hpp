@@ -31,7 +31,7 @@ class OtlpExporter {
   void frame(const FrameRecord& frame) { traces_->frame(frame); }
   void tick(const TickRecord& record);
   void loss(const Loss& loss) { metrics_.loss(loss); }
-  void caught(ChunkScore score) { metrics_.caught(score); }
+  void caught(config::ChunkScore score) { metrics_.caught(score); }
   void recording_stopped(std::uint64_t unrecorded_ticks) { metrics_.recording_stopped(unrecorded_ticks); }
   // What has piled up goes out when it is due.
   void export_if_due(MonoTime now);
@@ -50,7 +50,7 @@ class OtlpExporter {
   Duration metrics_period_;
   MonoTime since_, traces_due_, metrics_due_;
   OtlpSender* sender_ = nullptr;
-  IncidentWatch incidents_;
+  incident::IncidentWatch incidents_;
   std::optional<BoundedFile> trace_file_, metric_file_, log_file_;
   std::unique_ptr<std::vector<CommandTrace>> waiting_ = std::make_unique<std::vector<CommandTrace>>();
   std::unique_ptr<CommandTraces> traces_;

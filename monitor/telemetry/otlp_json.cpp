@@ -206,9 +206,9 @@ std::string otlp_traces(const OtlpSource& source, std::span<const CommandTrace> 
   return writer.request().dump();
 }
 
-std::string otlp_logs(const OtlpSource& source, std::span<const Incident> incidents) {
+std::string otlp_logs(const OtlpSource& source, std::span<const incident::Incident> incidents) {
   Json records = Json::array();
-  for (const Incident& incident : incidents)
+  for (const incident::Incident& incident : incidents)
     records.push_back(
         {{"timeUnixNano", fmt::format("{}", incident.at.ns + source.monotonic_to_unix_ns)},
          {"severityNumber", incident.asked ? kSeverityInfo : kSeverityError},

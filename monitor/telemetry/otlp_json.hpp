@@ -29,7 +29,7 @@ struct OtlpSource {
 
 // No line end in any.
 std::string otlp_traces(const OtlpSource& source, std::span<const CommandTrace> traces);
-std::string otlp_logs(const OtlpSource& source, std::span<const Incident> incidents);
+std::string otlp_logs(const OtlpSource& source, std::span<const incident::Incident> incidents);
 // `families` count from `since` on.
 std::string otlp_metrics(const OtlpSource& source, std::span<const MetricFamily> families, MonoTime since,
                          MonoTime now);

@@ -12,7 +12,7 @@
 #include <string>
 
 #include "policy_host/described_policy.hpp"
-#include "policy_host/onnx/model.hpp"
+#include "policy_host/onnx_engine/model.hpp"
 
 namespace takt::policy_host {
 

@@ -28,18 +28,18 @@ class Troubles {
     const TickRecordHeader& header = record.header;
     if (const auto incident = incidents_.tick(record); incident && stop_.empty()) stop_ = incident->sentence;
     if (header.mode == Mode::degraded && header.previous_mode != Mode::degraded && degraded_.empty())
-      degraded_ = degraded_sentence(record, robot_);
+      degraded_ = incident::degraded_sentence(record, robot_);
   }
   // The worse of the two; empty: neither.
   [[nodiscard]] const std::string& worst() const { return stop_.empty() ? degraded_ : stop_; }
 
  private:
   const config::RobotConfig& robot_;
-  IncidentWatch incidents_;
+  incident::IncidentWatch incidents_;
   std::string stop_, degraded_;
 };
 
-std::string trouble_in(const panel::RolloutRow& row, const Troubles& troubles) {
+std::string trouble_in(const evidence::RolloutRow& row, const Troubles& troubles) {
   if (!troubles.worst().empty()) return troubles.worst();
   if (row.safety.envelope_violations > 0)
     return fmt::format("measured values left the envelope in {} ticks", row.safety.envelope_violations);
@@ -48,35 +48,35 @@ std::string trouble_in(const panel::RolloutRow& row, const Troubles& troubles) {
   return {};
 }
 
-std::expected<std::string, std::string> roll_out(const config::RobotConfig& robot, const panel::Answering& policy,
-                                                 panel::WorldProcess* world) {
+std::expected<std::string, std::string> roll_out(const config::RobotConfig& robot, const evidence::Answering& policy,
+                                                 evidence::WorldProcess* world) {
   const auto sha256 = config::accepted_policy_sha256(*robot.policy);
   if (!sha256) return std::unexpected(sha256.error());
-  const auto fallback = panel::load_fallback_host(robot);
+  const auto fallback = evidence::load_fallback_host(robot);
   if (!fallback) return std::unexpected(fallback.error());
-  const auto task = panel::task_of(robot, world);
+  const auto task = evidence::task_of(robot, world);
   if (!task) return std::unexpected(task.error());
-  panel::RolloutRow row;
+  evidence::RolloutRow row;
   Troubles troubles(robot);
   std::string end;
-  const panel::RolloutSetup setup{.robot = robot,
-                                  .policy = policy,
-                                  .policy_hash = config::leading_64_bits(*sha256),
-                                  .fallback = fallback->get(),
-                                  .task = *task,
-                                  .timing = {},
-                                  .perturbation = {},
-                                  .duration = kSmokeLength,
-                                  .scored = kScored,
-                                  .bound_m = kAnyError_m,
-                                  .on_tick = [&](const TickRecord& record) { troubles.look(record); },
-                                  .world = world,
-                                  .on_world_end =
-                                      [&](const plant::WorldEnd& ended) {
-                                        if (ended.kind != plant::WorldEndKind::succeeded) end = ended.sentence;
-                                      },
-                                  .on_silence = [&](const std::string& why) { end = why; }};
-  if (const auto ran = panel::run_rollout(setup, row); !ran) return std::unexpected(ran.error());
+  const evidence::RolloutSetup setup{.robot = robot,
+                                     .policy = policy,
+                                     .policy_hash = config::leading_64_bits(*sha256),
+                                     .fallback = fallback->get(),
+                                     .task = *task,
+                                     .timing = {},
+                                     .perturbation = {},
+                                     .duration = kSmokeLength,
+                                     .scored = kScored,
+                                     .bound_m = kAnyError_m,
+                                     .on_tick = [&](const TickRecord& record) { troubles.look(record); },
+                                     .world = world,
+                                     .on_world_end =
+                                         [&](const simulation::WorldEnd& ended) {
+                                           if (ended.kind != simulation::WorldEndKind::succeeded) end = ended.sentence;
+                                         },
+                                     .on_silence = [&](const std::string& why) { end = why; }};
+  if (const auto ran = evidence::run_rollout(setup, row); !ran) return std::unexpected(ran.error());
   if (!end.empty()) return std::unexpected(end);
   if (const std::string trouble = trouble_in(row, troubles); !trouble.empty())
     return std::unexpected(fmt::format("{:.0f} s in virtual time: {}", kSmokeLength.seconds(), trouble));
@@ -84,7 +84,7 @@ std::expected<std::string, std::string> roll_out(const config::RobotConfig& robo
 }
 
 // Of a policy that is there, and takes the robot.
-std::expected<std::string, std::string> try_out(const config::RobotConfig& robot, const panel::Answering& policy,
+std::expected<std::string, std::string> try_out(const config::RobotConfig& robot, const evidence::Answering& policy,
                                                 const std::string& world) {
   if (!robot.simulation) return "the policy loads and fits; no `simulation`, so nothing was run";
   if (world.empty() && config::sees_images(robot))
@@ -92,14 +92,14 @@ std::expected<std::string, std::string> try_out(const config::RobotConfig& robot
            "that "
            "does (--world)";
   if (world.empty()) return roll_out(robot, policy, nullptr);
-  panel::WorldProcess process(world);
+  evidence::WorldProcess process(world);
   return roll_out(robot, policy, &process);
 }
 
 }  // namespace
 
 std::expected<std::string, std::string> smoke_run(const config::RobotConfig& robot,
-                                                  const panel::OutsideProcesses& outside) {
+                                                  const evidence::OutsideProcesses& outside) {
   if (!robot.policy) return "no policy: nothing to try before the robot itself";
   if (const auto fine = policy_host::check_policy_section(robot); !fine) return std::unexpected(fine.error());
   if (!outside.policy.empty()) {
@@ -110,7 +110,7 @@ std::expected<std::string, std::string> smoke_run(const config::RobotConfig& rob
       return std::unexpected(fence.error());
     policy_host::limit_thread_pools(robot.policy->engine.value_or(config::Engine{}).threads,
                                     policy_host::PoolSize::unless_set);
-    panel::PolicyProcess program(outside.policy, outside.policy_may);
+    evidence::PolicyProcess program(outside.policy, outside.policy_may);
     if (const auto begun = program.begin(robot, config::leading_64_bits(*sha256)); !begun)
       return std::unexpected(begun.error());
     return try_out(robot, program, outside.world);

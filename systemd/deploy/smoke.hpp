@@ -18,6 +18,6 @@ inline constexpr Duration kSmokeLength = seconds(5);
 
 // What was tried, in one sentence; the error: what failed, one problem per line.
 std::expected<std::string, std::string> smoke_run(const config::RobotConfig& robot,
-                                                  const panel::OutsideProcesses& outside = {});
+                                                  const evidence::OutsideProcesses& outside = {});
 
 }  // namespace takt::deploy

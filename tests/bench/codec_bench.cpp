@@ -32,12 +32,12 @@ class Exchange {
   Exchange(const config::RobotConfig& robot, std::size_t joint)
       : protocol_(robot.joints[joint].drive.protocol), guard_(robot), joint_(joint), bus_(robot.joints[joint].bus) {
     driver_ = drivers::make_lone_driver(robot, joint).value();
-    auto device = plant::make_device(robot.joints[joint].drive, milliseconds(100));
+    auto device = simulation::make_device(robot.joints[joint].drive, milliseconds(100));
     MonoTime now = MonoTime{} + seconds(1);
     for (int tick = 0; tick < kPatience; ++tick, now = now + milliseconds(1)) {
       const bool was_enabled = enabled();
       const std::size_t sent = driver_->encode(tick > kPatience / 2, setpoint_, now, now + milliseconds(50), out_);
-      plant::Frames answers;
+      simulation::Frames answers;
       for (std::size_t i = 0; i < sent; ++i) device->receive(out_[i], now, answers);
       device->update({0.1, 0.2}, now, milliseconds(1), answers);
       replies_.clear();

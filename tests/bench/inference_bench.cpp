@@ -26,7 +26,7 @@
 
 #include "config/robot_config.hpp"
 #include "policy_host/engines/load_policy.hpp"
-#include "policy_host/onnx/model.hpp"
+#include "policy_host/onnx_engine/model.hpp"
 #include "tests/bench/bench.hpp"
 
 namespace takt::bench {

@@ -88,21 +88,21 @@ class Timed final : public policy_host::Policy {
 };
 
 std::expected<Cost, std::string> cost_of(const config::RobotConfig& robot, policy_host::Policy& policy,
-                                         panel::FallbackHost* fallback, std::uint64_t seed) {
-  panel::RolloutRow row;
-  const panel::RolloutSetup setup{.robot = robot,
-                                  .policy = policy,
-                                  .fallback = fallback,
-                                  .task = panel::Task::base_velocity,
-                                  .timing = {.inference = milliseconds(2)},
-                                  .perturbation = {},
-                                  .seed = seed,
-                                  .duration = kLength,
-                                  .scored = seconds(2),
-                                  .bound_m = 0.3};
+                                         evidence::FallbackHost* fallback, std::uint64_t seed) {
+  evidence::RolloutRow row;
+  const evidence::RolloutSetup setup{.robot = robot,
+                                     .policy = policy,
+                                     .fallback = fallback,
+                                     .task = evidence::Task::base_velocity,
+                                     .timing = {.inference = milliseconds(2)},
+                                     .perturbation = {},
+                                     .seed = seed,
+                                     .duration = kLength,
+                                     .scored = seconds(2),
+                                     .bound_m = 0.3};
   g_inside = g_steps = g_network = 0;
   const std::int64_t begin = ticks();
-  if (const auto done = panel::run_rollout(setup, row); !done) return std::unexpected(done.error());
+  if (const auto done = evidence::run_rollout(setup, row); !done) return std::unexpected(done.error());
   const double whole = static_cast<double>(ticks() - begin), inside = static_cast<double>(g_inside);
   if (!row.success) return std::unexpected(robot.file + ": the rollout failed: " + row.failure_label);
   return Cost{whole * ns_per_tick() * 1e-9, 1 - inside / whole, static_cast<double>(g_network) / whole,
@@ -132,7 +132,7 @@ int main(int argc, char** argv) {
   if (!robot->policy) return refuse(robot_file + ": has no `policy`");
   auto policy = policy_host::load_onnx_policy(robot->policy->file, robot->policy->input, robot->policy->output);
   if (!policy) return refuse(policy.error());
-  auto fallback = panel::load_fallback_host(*robot);
+  auto fallback = evidence::load_fallback_host(*robot);
   if (!fallback) return refuse(fallback.error());
   Timed timed(std::move(*policy));
   if (*fallback) (*fallback)->policy = std::make_unique<Timed>(std::move((*fallback)->policy));

@@ -48,14 +48,14 @@ std::vector<TickCost> costs_of(const monitor::RecordedRun& run) {
 
 // Marks the trace's ticks, and those near them, which count for neither side.
 bool mark(const std::string& trace, std::vector<bool>& traced, std::vector<bool>& near) {
-  const auto visit = [&](const monitor::TraceEvent& event) {
-    if (event.name != monitor::EventName::tick_end || event.tick >= traced.size()) return;
+  const auto visit = [&](const lab::TraceEvent& event) {
+    if (event.name != lab::EventName::tick_end || event.tick >= traced.size()) return;
     traced[event.tick] = true;
     const std::uint64_t to = std::min<std::uint64_t>(event.tick + kMargin, near.size() - 1);
     if (near[to] && event.tick > kMargin && near[event.tick - kMargin]) return;
     for (std::uint64_t tick = event.tick - std::min(event.tick, kMargin); tick <= to; ++tick) near[tick] = true;
   };
-  return monitor::read_trace(trace, visit).has_value();
+  return lab::read_trace(trace, visit).has_value();
 }
 
 struct Series {

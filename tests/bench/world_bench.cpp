@@ -61,10 +61,10 @@ void run_node(const std::string& path) {
 
 // False: no such world to be had here.
 bool measure(Contender& contender, int steps) {
-  plant::WorldLink::Robot robot{"bench", std::vector<std::string>(kJoints, "joint"), milliseconds(1)};
+  simulation::WorldLink::Robot robot{"bench", std::vector<std::string>(kJoints, "joint"), milliseconds(1)};
   if (contender.films) robot.cameras.push_back({"cam0", kImage});
   const test::ForkedWorld process(contender.run);
-  auto link = plant::WorldLink::connect(process.path(), robot, {seconds(5), seconds(5)});
+  auto link = simulation::WorldLink::connect(process.path(), robot, {seconds(5), seconds(5)});
   const std::vector<double> zero(kJoints);
   if (!link || !link->reset(1, zero)) return false;
   std::vector<double> figures;

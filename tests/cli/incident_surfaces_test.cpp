@@ -65,10 +65,10 @@ class Surfaces : public test::TemporaryFolder, public testing::WithParamInterfac
     if (auto parts = diagnoser.tick(tick)) diagnostics = *parts;
     newest = tick.header.now;
   }
-  [[nodiscard]] const Incident& incident() const { return watch.latest().value(); }
+  [[nodiscard]] const incident::Incident& incident() const { return watch.latest().value(); }
 
   RecordedRun run{RunFolder(""), {}, {}};
-  IncidentWatch watch{demo_robot()};
+  incident::IncidentWatch watch{demo_robot()};
   top::LiveView view{demo_robot()};
   LiveMetrics metrics{demo_robot()};
   Diagnoser diagnoser{demo_robot()};
@@ -86,9 +86,9 @@ TEST_P(Surfaces, TheSentenceNamesThePlaceAndTheFault) {
 }
 
 TEST_P(Surfaces, TheReportBeginsWithIt) {
-  const auto review = review_of(run);
+  const auto review = evidence::review_of(run);
   ASSERT_TRUE(review);
-  const std::string text = report_text(review->metrics, run, 10);
+  const std::string text = evidence::report_text(review->metrics, run, 10);
   const std::size_t second_line = text.find('\n') + 1;
   const std::string line = text.substr(second_line, text.find('\n', second_line) - second_line);
   EXPECT_TRUE(line.starts_with(GetParam().asked ? "asked" : "STOPPED")) << line;
@@ -107,10 +107,10 @@ TEST_P(Surfaces, ThePageAndMetricsJsonHoldIt) {
   EXPECT_EQ(json["incidents"][0]["sentence"], incident().sentence);
   EXPECT_EQ(json["incidents"][0]["asked"], GetParam().asked);
   EXPECT_EQ(json["incidents"][0]["chain"].back()["tick"], incident().tick);
-  const auto review = review_of(run);
-  const auto series = series_of(run, review->metrics, review->faults, "");
+  const auto review = evidence::review_of(run);
+  const auto series = evidence::series_of(run, review->metrics, review->faults, "");
   ASSERT_TRUE(series) << series.error();
-  const std::string page = report_html({run, review->metrics, review->faults, *series, std::nullopt});
+  const std::string page = evidence::report_html({run, review->metrics, review->faults, *series, std::nullopt});
   EXPECT_NE(page.find(incident().sentence.substr(0, 60)), std::string::npos);
   EXPECT_NE(page.find(review->metrics.incidents.front().counterfactual), std::string::npos);
   EXPECT_LT(page.find("id=\"incidents\""), page.find("id=\"verdicts\"")) << "it comes before what held";
@@ -158,9 +158,9 @@ TEST_P(Surfaces, PrometheusHasItsLabelsAndOpenTelemetryItsWords) {
 }
 
 TEST_P(Surfaces, ThePostMortemTellsItWithItsChain) {
-  const panel::RolloutRow row;
-  panel::PostMortemDraft draft{.row = row, .verdicts = {}, .incidents = {incident()}};
-  const std::string text = panel::post_mortem_text(draft);
+  const evidence::RolloutRow row;
+  lab::PostMortemDraft draft{.row = row, .verdicts = {}, .incidents = {incident()}};
+  const std::string text = lab::post_mortem_text(draft);
   EXPECT_NE(text.find("- " + incident().sentence), std::string::npos);
   EXPECT_NE(text.find(incident().chain.front().what), std::string::npos);
 }
@@ -185,7 +185,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 // What stopped by itself comes before what was asked for, faults before stops.
 TEST(ByGravity, TheWorstComesFirst) {
-  std::vector<Incident> all(3);
+  std::vector<incident::Incident> all(3);
   all[0].asked = true;
   all[1].to = Mode::damped_stop;
   all[2].to = Mode::fault_latched;

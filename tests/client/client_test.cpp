@@ -491,7 +491,7 @@ TEST_F(ClientTest, OfTwoAlternativesTheOneThatCameTrueIsPlayed) {
   open_and_attach();
   const auto robot = config::load(robot_file_);
   ASSERT_TRUE(robot) << robot.error();
-  pipeline::TickConfig config = config::tick_config_of(*robot, takt_policy_robot(policy_)->policy_hash);
+  pipeline::TickConfig config = setup::tick_config_of(*robot, takt_policy_robot(policy_)->policy_hash);
   config.freshness.max_age = seconds(20);  // the machine may stall between here and the tick
   pipeline::testing::Rig rig(config, now());
   const auto show_next = [&] {

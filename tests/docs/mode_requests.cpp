@@ -152,7 +152,7 @@ std::expected<std::vector<RequestRow>, std::string> measure_requests() {
 std::expected<std::vector<Instant>, std::string> measure_silence() {
   const auto file = config::load("config/arm6.yaml");
   if (!file) return std::unexpected(file.error());
-  TickConfig config = config::tick_config_of(*file, 0);
+  TickConfig config = setup::tick_config_of(*file, 0);
   config.policy.needs_outside_stamp = false;
   config.unrecorded_limit = 0;
   Robot robot(config);

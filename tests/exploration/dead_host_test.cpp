@@ -30,7 +30,7 @@ Seen run_without_waiver(std::size_t joint) {
   world.on_frame = [&](const World::Sent&) { last_frame = world.plant().now(); };
   world.on_tick = [](const TickRecord&) {};
   world.on_step = [&] {
-    if (world.plant().drive(joint).state() != plant::DeviceState::enabled) return;
+    if (world.plant().drive(joint).state() != simulation::DeviceState::enabled) return;
     seen.had_power |= world.plant().now() < MonoTime{} + kStallsAt;
     seen.is_driven_on |= world.plant().now() - last_frame > seconds(1);
   };

@@ -174,7 +174,7 @@ void Oracles::watch_motion(std::size_t j, double velocity) {
   if (world_.handled_at(j) >= now - milliseconds(2)) watched.touched_at = now;
   if (!world_.is_damped(j)) watched.undamped_at = now;
   if (!world_.has_usual_gains(j)) watched.unusual_gains_at = now;
-  if (world_.plant().drive(j).state() == plant::DeviceState::enabled) watched.powered_at = now;
+  if (world_.plant().drive(j).state() == simulation::DeviceState::enabled) watched.powered_at = now;
   if (speed <= kRestSpeed) watched.moving_since = {};
   if (speed > kRestSpeed && !watched.moving_since.is_set()) watched.moving_since = now;
   double& then_slot = watched.speeds.at(steps_ % watched.speeds.size());
@@ -226,7 +226,7 @@ void Oracles::watch_reset(const TickRecordHeader& header) {
 }
 
 void Oracles::step() {
-  const plant::ArmState& state = world_.plant().state();
+  const simulation::ArmState& state = world_.plant().state();
   ++steps_;
   for (std::size_t j = 0; j < joints_.size(); ++j) {
     const double speed = std::abs(state.dq[static_cast<Eigen::Index>(j)]);
@@ -287,7 +287,7 @@ void Oracles::tick(const TickRecord& record) {
   for (std::size_t j = 0; j < joints_.size(); ++j) {
     int& ticks = joints_[j].standby_ticks;
     ticks = mode_ == Mode::standby && world_.obeys(j) ? ticks + 1 : 0;
-    if (ticks > 50 && world_.plant().drive(j).state() == plant::DeviceState::enabled)
+    if (ticks > 50 && world_.plant().drive(j).state() == simulation::DeviceState::enabled)
       breaks("standby_still", j, "its drive is enabled");
   }
 }

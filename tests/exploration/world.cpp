@@ -155,7 +155,7 @@ config::RobotConfig robot_at_random(std::uint64_t seed) {
 namespace {
 
 pipeline::TickConfig planted_config(const config::RobotConfig& robot, Planted planted) {
-  pipeline::TickConfig config = config::tick_config_of(robot, kPolicyHash, kFallbackHash);
+  pipeline::TickConfig config = setup::tick_config_of(robot, kPolicyHash, kFallbackHash);
   using pipeline::StopManner;
   for (pipeline::StopRule& rule : config.stops) {
     if (planted == Planted::stops_without_end) rule.longest = {};
@@ -446,7 +446,7 @@ World::World(const config::RobotConfig& robot, std::vector<Event> events, std::u
       done_(events_.size()),
       random_(~seed),
       planted_(planted),
-      plant_(plant::Plant::on_free_inertias(robot).value()),
+      plant_(simulation::Plant::on_free_inertias(robot).value()),
       arriving_(robot.buses.size()),
       unheard_since_(robot.joints.size()),
       shoved_at_(robot.joints.size()),
@@ -634,7 +634,7 @@ void World::begin_and_end_events() {
         push(event.index, 40);
         break;
       case Happening::drive_error:
-        plant_.drive(event.index).inject(plant::DeviceFault::over_temperature);
+        plant_.drive(event.index).inject(simulation::DeviceFault::over_temperature);
         break;
       case Happening::drive_restarts:
         plant_.drive(event.index).power_cycle(plant_.now());  // again and again, as long as it lasts
@@ -715,7 +715,7 @@ void World::begin_and_end_events() {
 }
 
 void World::push(std::size_t joint, double speed) {
-  plant::ArmState state = plant_.state();
+  simulation::ArmState state = plant_.state();
   state.dq[static_cast<Eigen::Index>(joint)] += speed;
   plant_.set_state(std::move(state));
   shoved_at_[joint] = plant_at_;
@@ -733,7 +733,7 @@ void World::lend_a_hand() {
     const bool pulls = may_touch && is_on(Happening::hand_pulls, joint);
     if (!holds) held_at_[joint] = std::numeric_limits<double>::quiet_NaN();
     if (!holds && !pulls) continue;
-    plant::ArmState state = plant_.state();
+    simulation::ArmState state = plant_.state();
     double& q = state.q[static_cast<Eigen::Index>(joint)];
     double& dq = state.dq[static_cast<Eigen::Index>(joint)];
     if (holds && std::isnan(held_at_[joint])) held_at_[joint] = q;
@@ -760,7 +760,7 @@ void World::set_lines() {
   const bool had = std::exchange(has_lines_, (active_ & kOfLines) != 0);
   if (!had && !has_lines_) return;
   for (std::size_t joint = 0; joint < plant_.joint_count(); ++joint) {
-    plant::LineFaults line;
+    simulation::LineFaults line;
     for (const Event& event : events_) {
       if (is_of_bus(event.what) || event.index != joint || !is_active(event)) continue;
       line.silent |= event.what == Happening::drive_silent || event.what == Happening::drive_restarts;
@@ -794,7 +794,7 @@ void World::heat(std::size_t bus, drivers::CanFrame& frame) const {
   if (is_its_report) frame.data[7] = kHot;
 }
 
-void World::arrive(std::size_t bus, const plant::Frames& said) {
+void World::arrive(std::size_t bus, const simulation::Frames& said) {
   for (drivers::CanFrame frame : said) {
     if (loses_frame(bus)) continue;
     const MonoTime at = std::max(now_, plant_at_) + kOnTheWire;

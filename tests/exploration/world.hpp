@@ -91,7 +91,7 @@ class World {
   void run(Duration lasting);
 
   [[nodiscard]] MonoTime now() const { return now_; }
-  [[nodiscard]] plant::Plant& plant() { return plant_; }
+  [[nodiscard]] simulation::Plant& plant() { return plant_; }
   [[nodiscard]] const config::RobotConfig& robot() const { return robot_; }
   // Since when nothing this joint says arrives; unset: it is heard.
   [[nodiscard]] MonoTime unheard_since(std::size_t joint) const { return unheard_since_[joint]; }
@@ -168,7 +168,7 @@ class World {
   void set_lines();
   void sense_base();
   void collect(std::size_t bus);
-  void arrive(std::size_t bus, const plant::Frames& said);
+  void arrive(std::size_t bus, const simulation::Frames& said);
   void heat(std::size_t bus, drivers::CanFrame& frame) const;
   void let_policies_work();
   void let_work(Policy& policy, bool observes);
@@ -201,14 +201,14 @@ class World {
   Planted planted_;
   bool torque_permitted_ = false;
   MonoTime now_ = kStart;
-  plant::Plant plant_;
+  simulation::Plant plant_;
   MonoTime plant_at_ = kStart;
   Duration slept_;
   std::vector<std::deque<Arriving>> arriving_;  // by bus
   std::vector<MonoTime> unheard_since_, shoved_at_, handled_at_, lied_at_;
   std::vector<double> held_at_;                             // rad, where a hand holds the joint; NaN: none does
   std::map<std::uint32_t, drivers::CanFrame> last_frames_;  // by id; for planted faults
-  plant::Frames said_;
+  simulation::Frames said_;
 
   pipeline::TickConfig config_;
   std::unique_ptr<VirtualClock> clock_;

@@ -14,12 +14,12 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using takt::fuzz::judge;
   const std::string_view text(reinterpret_cast<const char*>(data), size);
-  judge(takt::panel::row_of(text));
-  judge(takt::panel::attestation_of(text));
+  judge(takt::lab::row_of(text));
+  judge(takt::evidence::attestation_of(text));
   const auto json = takt::monitor::parse_strict(text);
   judge(json);
   if (!json) return 0;
   judge(takt::monitor::manifest_of(*json));
-  judge(takt::panel::artifact_manifest_of(*json));
+  judge(takt::lab::artifact_manifest_of(*json));
   return 0;
 }

@@ -22,8 +22,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string_view text(reinterpret_cast<const char*>(data), size);
   judge(takt::config::read_deploy_file(text, "fuzz"));
   if (takt::policy_host::is_leapp_bundle(text)) judge(takt::policy_host::read_leapp_bundle(text, "fuzz"));
-  judge(takt::plant::parse_scenario(text, "fuzz", robot));
-  judge(takt::plant::parse_devices(text, "fuzz"));
+  judge(takt::simulation::parse_scenario(text, "fuzz", robot));
+  judge(takt::simulation::parse_devices(text, "fuzz"));
   static const std::string values = takt::fuzz::scratch_folder() + "/values.safetensors";
   takt::fuzz::write_file(values, {data, size});
   takt::fuzz::check_refusal(takt::policy_host::read_initial_values(values));

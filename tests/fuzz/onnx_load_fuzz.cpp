@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <span>
 
-#include "policy_host/onnx/model.hpp"
+#include "policy_host/onnx_engine/model.hpp"
 #include "tests/fuzz/refused_with_a_sentence.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -31,14 +31,14 @@ using fuzz::require;
 void read_in_front_of_mujoco(const config::ModelText& model) {
   const auto lines = [](const std::string& text) { return std::ranges::count(text, '\n'); };
   require(static_cast<std::size_t>(lines(model.text)) + 1 == model.lines.size());
-  const plant::MendedMjcf mended = plant::mend_mjcf(model.text, fuzz::scratch_folder());
+  const simulation::MendedMjcf mended = simulation::mend_mjcf(model.text, fuzz::scratch_folder());
   if (lines(mended.text) != lines(model.text)) {
     std::fprintf(stderr, "%s\n", mended.text.c_str());
     std::abort();
   }
   for (const std::string& note : mended.mended) fuzz::require_sentence(config::in_lines_of_files(model, note));
-  (void)plant::find_mesh_files(mended.text, fuzz::scratch_folder(), plant::stand_in_mesh(0.01));
-  (void)plant::mimics_as_equalities(mended.text);
+  (void)simulation::find_mesh_files(mended.text, fuzz::scratch_folder(), simulation::stand_in_mesh(0.01));
+  (void)simulation::mimics_as_equalities(mended.text);
   (void)config::model_assets(model);
 }
 
@@ -76,7 +76,7 @@ config::ModelFacts facts_named(const std::string& text) {
 }
 
 void survey(const std::string& path) {
-  const auto facts = plant::survey_model(path);
+  const auto facts = simulation::survey_model(path);
   fuzz::check_refusal(facts);
   if (!facts) return;
   for (const std::string& remark : facts->remarks) fuzz::require_sentence(remark);

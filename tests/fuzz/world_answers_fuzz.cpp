@@ -26,7 +26,7 @@
 namespace {
 
 using namespace takt;
-using namespace takt::plant;
+using namespace takt::simulation;
 using fuzz::require;
 using fuzz::Source;
 

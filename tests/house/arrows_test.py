@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Goal: no arrow of the house points back. Method: reads every #include of the project's own headers and fails on one that the
-table does not allow; then plants an include that is not allowed and must find it. A room may use itself and what is below it.
+"""Goal: no arrow of the house points back, and a namespace says where its file lies. Method: reads every #include of the project's own
+headers and fails on one that the table does not allow, and on a file whose namespaces name none of its folders; then plants both, in
+every spelling, and must find them. A room may use itself and what is below it.
 """
 import pathlib
+import posixpath
 import re
 import sys
 
@@ -72,32 +74,69 @@ def room_of(path):
     return max(names, key=len, default=None)
 
 
+# A header of the project's in any spelling: quotes or angles, blanks, from the root or beside the file.
+INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*["<]([^">]+)[">]', re.M)
+NAMESPACE = re.compile(r"^(?:inline )?namespace takt([\w:]*) \{", re.M)
+GENERATED_OR_C = re.compile(r"^\w+\.h$")  # ros_types.h, and client/takt's C headers, which stand in one folder where they are installed
+
+
+def included(path, header):
+    """The header's path from the root: one beside or above the file is found from there."""
+    if header.startswith("."):
+        return posixpath.normpath(posixpath.join(posixpath.dirname(path), header))
+    return header
+
+
 def arrows(path, text):
     """Arrows of one file that the table does not allow, as sentences."""
     room = room_of(path)
-    for header in re.findall(r'^#include "([^"]+)"', text, re.M):
+    for written in INCLUDE.findall(text):
+        header = included(path, written)
         other = room_of(header)
         if room and other and other != room and other not in MAY_USE[room].split():
             yield f"{path} includes {header}: {room} may not use {other} (tests/house/arrows_test.py)"
+        if room and header.startswith("tests/"):
+            yield f"{path} includes {header}: the product uses no test (tests/house/arrows_test.py)"
+        if room and (written.startswith(".") or ("/" not in written and written.endswith((".hpp", ".h")) and not GENERATED_OR_C.match(written))):
+            yield f"{path} includes {written}: name it from the project's folder (tests/house/arrows_test.py)"
     if not room and path.split("/")[0] in TOP_ROOMS:
         yield f"{path} lies in no room of the table (tests/house/arrows_test.py)"
 
 
+def misnamed(path, text):
+    """What a file says of its namespace where that names none of its folders. The contract's words are `takt` itself."""
+    room = room_of(path)
+    named = [space.split("::")[1:] for space in NAMESPACE.findall(text)]
+    if not room or room == "executive/contract" or not named:
+        return
+    folders = path.split("/")[:-1]
+    if not any(set(words) & set(folders) for words in named):
+        yield f"{path}: namespace takt::{'::'.join(named[0])} names none of its folders (tests/house/arrows_test.py)"
+
+
 def main(root):
     found, files = [], 0
-    for file in sorted(root.rglob("*.[ch]pp")):
-        path = file.relative_to(root).as_posix()
+    for file in sorted(path for end in ("cpp", "hpp", "h") for path in root.rglob(f"*.{end}")):
+        path, text = file.relative_to(root).as_posix(), file.read_text(errors="replace")
+        if path.startswith(("build/", "tests/")):
+            continue
         files += room_of(path) is not None
-        found += arrows(path, file.read_text())
+        found += [*arrows(path, text), *misnamed(path, text)]
     for sentence in found:
         print(sentence)
-    planted = list(arrows("executive/pipeline/planted.cpp", '#include "config/robot_config.hpp"\n'))
-    planted_room = list(arrows("executive/planted/room.cpp", ""))
-    assert planted_room, "a room without a row was not found"
-    planted_guard = list(arrows("drivers/guard/planted.cpp", '#include "drivers/protocol/mit/mit_codec.hpp"\n'))
-    assert planted and planted_guard, "a planted arrow was not found"
+    planted = {"executive/pipeline/planted.cpp": ['#include "config/robot_config.hpp"', "#include <config/robot_config.hpp>", '#include "../../config/robot_config.hpp"',
+                                                  '  #  include "config/robot_config.hpp"', '#include "tests/support/text.hpp"', '#include "./mode_machine.hpp"',
+                                                  '#include "mode_machine.hpp"'],
+               "executive/ipc/planted.h": ['#include "config/robot_config.hpp"'],
+               "drivers/guard/planted.cpp": ['#include "drivers/protocol/mit/mit_codec.hpp"'],
+               "executive/planted/room.cpp": [""]}
+    for path, texts in planted.items():
+        for text in texts:
+            assert list(arrows(path, text + "\n")), f"a planted arrow was not found: {path}: {text}"
+    assert list(misnamed("simulation/planted.hpp", "namespace takt::plant {\n")), "a planted namespace was not found"
+    assert not list(misnamed("cli/top/planted.hpp", "namespace takt::monitor::top {\n"))
     assert files > 300, f"only {files} files were read"
-    print(f"{files} files, {len(found)} arrows that are not allowed")
+    print(f"{files} files, {len(found)} arrows and namespaces that are not allowed")
     return 1 if found else 0
 
 

@@ -335,7 +335,7 @@ std::string judge(const Kind& kind, const Stage& stage) {
     return text_of(stage.robot->run_directory() + "/events.jsonl").find(kind.words) != std::string::npos
                ? ""
                : "not in events.jsonl";
-  const auto lost = std::ranges::find(metrics->incidents, Cause::command_lost, &Incident::cause);
+  const auto lost = std::ranges::find(metrics->incidents, Cause::command_lost, &incident::Incident::cause);
   if (lost == metrics->incidents.end()) return "no incident command_lost";
   if (lost->sentence.find(kind.words) == std::string::npos) return "incident: " + lost->sentence;
   return report.find(kind.words) == std::string::npos ? "not in the report" : "";

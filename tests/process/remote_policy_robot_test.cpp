@@ -84,7 +84,7 @@ TEST_F(RemotePolicyRobot, CutOffItDegradesStopsAndStaysStopped) {
   ASSERT_TRUE(run) << run.error();
   const auto metrics = monitor::metrics_of(*run);
   ASSERT_TRUE(metrics) << metrics.error();
-  const auto lost = std::ranges::find(metrics->incidents, Cause::command_lost, &Incident::cause);
+  const auto lost = std::ranges::find(metrics->incidents, Cause::command_lost, &incident::Incident::cause);
   ASSERT_NE(lost, metrics->incidents.end());
   EXPECT_NE(lost->sentence.find("is not heard, nor is its machine: the network to it failed"), std::string::npos)
       << lost->sentence;

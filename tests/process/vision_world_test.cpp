@@ -46,23 +46,23 @@ Said said_in_rollout(const config::RobotConfig& robot, const std::string& world_
   Said said;
   const auto policy =
       policy_host::load_onnx_policy(robot.policy->file, robot.policy->input, robot.policy->output).value();
-  panel::WorldProcess world(world_socket);
-  panel::RolloutRow row;
-  const panel::RolloutSetup setup{.robot = robot,
-                                  .policy = *policy,
-                                  .policy_hash = 1,
-                                  .task = panel::Task::world,
-                                  .timing = {},
-                                  .perturbation = {},
-                                  .duration = seconds(5),
-                                  .scored = seconds(1),
-                                  .bound_m = 1,
-                                  .on_command =
-                                      [&](const CommandChunk& chunk) {
-                                        said.add({reinterpret_cast<const std::byte*>(&chunk), chunk.used_bytes()});
-                                      },
-                                  .world = &world};
-  const auto done = panel::run_rollout(setup, row);
+  evidence::WorldProcess world(world_socket);
+  evidence::RolloutRow row;
+  const evidence::RolloutSetup setup{.robot = robot,
+                                     .policy = *policy,
+                                     .policy_hash = 1,
+                                     .task = evidence::Task::world,
+                                     .timing = {},
+                                     .perturbation = {},
+                                     .duration = seconds(5),
+                                     .scored = seconds(1),
+                                     .bound_m = 1,
+                                     .on_command =
+                                         [&](const CommandChunk& chunk) {
+                                           said.add({reinterpret_cast<const std::byte*>(&chunk), chunk.used_bytes()});
+                                         },
+                                     .world = &world};
+  const auto done = evidence::run_rollout(setup, row);
   EXPECT_TRUE(done) << done.error();
   EXPECT_EQ(row.failure_label, "");
   return said;

@@ -26,7 +26,8 @@ void make_run(const std::string& folder) {
 }
 
 void make_artifact(const std::string& folder) {
-  using namespace takt::panel;
+  using namespace takt::lab;
+  using namespace takt::evidence;
   const std::vector<RolloutRow> rows{sample_row("method-a", 1), failed_row("method-a", 2), sample_row("method-b", 1)};
   write_artifact(folder, sample_manifest({"method-a", "method-b"}, rows.size()), rows);
 }

@@ -12,7 +12,7 @@
 
 #include "tests/simulation/plant_robots.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr double kG = 9.81;
@@ -197,4 +197,4 @@ TEST(ArmDynamics, RefusesWhatIsNoSerialArm) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -6,7 +6,7 @@
 
 #include <vector>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 config::Simulation simulation(std::uint64_t seed = 7) {
@@ -88,4 +88,4 @@ TEST(Camera, AfterAStallTheNewestSampleOnly) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -11,7 +11,7 @@
 
 #include "config/load.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr double kG = 9.81;
@@ -116,4 +116,4 @@ TEST(CartPoleDynamics, RefusesARobotWithoutOne) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

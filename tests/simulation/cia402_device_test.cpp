@@ -11,7 +11,7 @@
 #include "simulation/device_table.hpp"
 #include "tests/drivers/protocol/cia402/cia402_frames.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using drivers::CanFrame;
@@ -410,4 +410,4 @@ TEST(DeviceTable, PlaysCia402) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

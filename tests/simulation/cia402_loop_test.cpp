@@ -13,7 +13,7 @@
 #include "simulation/cia402_device.hpp"
 #include "tests/simulation/finished_setpoint.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using config::Cia402Mode;
@@ -279,4 +279,4 @@ TEST(Cia402Loop, OneSyncServesTheBus) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -12,7 +12,7 @@
 #include "tests/simulation/drive_loop.hpp"
 #include "tests/support/files.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using config::Cia402Mode;
@@ -112,4 +112,4 @@ TEST(Cia402Profiles, AWaivedWatchdogArms) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -12,7 +12,7 @@
 #include "config/drive_presets.hpp"
 #include "tests/simulation/drive_loop.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using config::Drive;
@@ -270,4 +270,4 @@ TEST(DriveCard, ChangesOnlyByWhatIsNew) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -36,7 +36,7 @@ class DriveLoop {
     auto made = drivers::make_joint_driver(robot, 0);
     if (!made) throw std::runtime_error(made.error());
     host = std::move(*made);
-    device = plant::make_device(drive, watchdog);
+    device = simulation::make_device(drive, watchdog);
   }
 
   // One millisecond: commands out, drive and rotor forward, what it said in.
@@ -45,7 +45,7 @@ class DriveLoop {
     const drivers::DriveSetpoint told = finished(drive_, setpoint, host->feedback());
     const std::size_t count = host->encode(enable, told, now, now + budget, out);
     ASSERT_LE(count, out.size());
-    plant::Frames said;
+    simulation::Frames said;
     for (std::size_t i = 0; i < count; ++i)
       if (!on_the_way || on_the_way(out[i])) device->receive(out[i], now, said);
     silent_tick(said);
@@ -54,7 +54,7 @@ class DriveLoop {
   }
   // The host is gone.
   void silent_tick() {
-    plant::Frames said;
+    simulation::Frames said;
     silent_tick(said);
   }
   // Ticks until the host reports the state; -1: not within a second.
@@ -69,7 +69,7 @@ class DriveLoop {
   double joint_dq() const { return motor_dq / (drive_.direction * drive_.gear_ratio); }
 
   std::unique_ptr<drivers::JointDriver> host;
-  std::unique_ptr<plant::Device> device;
+  std::unique_ptr<simulation::Device> device;
   MonoTime now{1};
   double motor_q = 0, motor_dq = 0, torque = 0;  // rad, rad/s, Nm
   double load = 0;                               // Nm on the rotor from outside
@@ -77,7 +77,7 @@ class DriveLoop {
   std::function<bool(drivers::CanFrame&)> on_the_way;
 
  private:
-  void silent_tick(plant::Frames& said) {
+  void silent_tick(simulation::Frames& said) {
     now = now + kTick;
     torque = device->update({motor_q, motor_dq}, now, kTick, said);
     if (device->brake_engaged())

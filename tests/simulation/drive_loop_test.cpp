@@ -69,7 +69,7 @@ TEST_P(DriveLoopTest, StandbyReportsOncePerTickAndHoldsTheBrake) {
 TEST_P(DriveLoopTest, EnablesAndFollowsInJointUnits) {
   for (int ms = 0; ms < 20; ++ms) loop.tick(false);
   enable();
-  EXPECT_EQ(loop.device->state(), plant::DeviceState::enabled);
+  EXPECT_EQ(loop.device->state(), simulation::DeviceState::enabled);
   for (int ms = 0; ms < 1500; ++ms) loop.tick(true, at(0.9));
   EXPECT_NEAR(loop.joint_q(), 0.9, 2e-3);
   EXPECT_NEAR(loop.host->feedback().q, 0.9, 2e-3);
@@ -100,7 +100,7 @@ TEST_P(DriveLoopTest, DampingAloneStopsTheJoint) {
 TEST_P(DriveLoopTest, AFaultReachesTheHostAndDisablingClearsIt) {
   enable();
   for (int ms = 0; ms < 50; ++ms) loop.tick(true, at(0.3));
-  ASSERT_TRUE(loop.device->inject(plant::DeviceFault::over_temperature));
+  ASSERT_TRUE(loop.device->inject(simulation::DeviceFault::over_temperature));
   ASSERT_GE(loop.ticks_until(DriveState::fault, true, at(0.3)), 0);
   for (int ms = 0; ms < 600; ++ms) {
     loop.tick(true, at(0.3));
@@ -120,7 +120,7 @@ TEST_P(DriveLoopTest, WithoutItsHostTheDriveStopsByItself) {
   for (int ms = 0; ms < 100; ++ms) loop.tick(true, {.q = 0, .dq = 2, .kp = 0, .kd = 3, .tau = 0}, milliseconds(50));
   ASSERT_GT(loop.joint_dq(), 1);
   for (int ms = 0; ms < 51; ++ms) loop.silent_tick();
-  EXPECT_EQ(loop.device->state(), plant::DeviceState::lost);
+  EXPECT_EQ(loop.device->state(), simulation::DeviceState::lost);
   for (int ms = 0; ms < 500; ++ms) loop.silent_tick();
   EXPECT_NEAR(loop.joint_dq(), 0, 0.01);
   // The host returns, still wanting to drive: refused, told why, and cleared by disabling only.
@@ -128,7 +128,7 @@ TEST_P(DriveLoopTest, WithoutItsHostTheDriveStopsByItself) {
   for (int ms = 0; ms < 600; ++ms) loop.tick(true, at(0.3));
   EXPECT_EQ(loop.host->feedback().drive_state, DriveState::fault);
   EXPECT_EQ(loop.host->feedback().error_code, GetParam().watchdog_expired);
-  EXPECT_EQ(loop.device->state(), plant::DeviceState::lost);
+  EXPECT_EQ(loop.device->state(), simulation::DeviceState::lost);
   ASSERT_GE(loop.ticks_until(DriveState::disabled, false), 0);
   for (int ms = 0; ms < 20; ++ms) loop.tick(false);
   enable();
@@ -141,7 +141,7 @@ TEST_P(DriveLoopTest, ADriveThatRestartedIsNotEnabledAgain) {
   loop.device->power_cycle(loop.now);
   for (int ms = 0; ms < 1500; ++ms) {
     loop.tick(true, at(0.3));
-    ASSERT_NE(loop.device->state(), plant::DeviceState::enabled) << ms;
+    ASSERT_NE(loop.device->state(), simulation::DeviceState::enabled) << ms;
   }
   EXPECT_NE(loop.host->feedback().drive_state, DriveState::enabled);
   for (int ms = 0; ms < 50; ++ms) loop.tick(false);

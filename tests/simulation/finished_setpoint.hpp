@@ -13,7 +13,7 @@ namespace takt::test {
 inline drivers::DriveSetpoint finished(const config::Drive& drive, const drivers::DriveSetpoint& wanted,
                                        const JointFeedback& reading, float torque = 1e6F, float velocity = 1e6F) {
   pipeline::JointConfig joint;
-  config::set_loop(drive, joint);
+  setup::set_loop(drive, joint);
   joint.limits = {.q_min = -1e6F,
                   .q_max = 1e6F,
                   .velocity = velocity,

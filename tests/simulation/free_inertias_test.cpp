@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 struct Wheel {
@@ -61,4 +61,4 @@ TEST(FreeInertias, WheelsDoNotFeelEachOther) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

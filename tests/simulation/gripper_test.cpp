@@ -22,7 +22,7 @@
 #include "tests/simulation/plant_robots.hpp"
 #include "tests/simulation/whole_loop.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr double kCube = 0.015;  // m, half its width
@@ -298,4 +298,4 @@ TEST(SlideWithoutMujoco, FallsByItsWeight) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

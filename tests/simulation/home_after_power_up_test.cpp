@@ -15,7 +15,7 @@
 #include "drivers/tools/home_place.hpp"
 #include "tests/simulation/drive_loop.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using config::PositionAfterPowerUp;
@@ -221,4 +221,4 @@ TEST(HomeAfterPowerUp, ATMotorThatJumpsBySeveralStepsHasForgotten) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -12,7 +12,7 @@
 #include "simulation/robot_plant.hpp"
 #include "tests/simulation/whole_loop.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 config::RobotConfig dual_arm() {
@@ -166,4 +166,4 @@ TEST(Hoist, LetsGoOfAnArmedRobotAndTakesUpOneWithoutPower) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

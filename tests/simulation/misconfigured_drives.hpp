@@ -18,7 +18,7 @@
 #include "simulation/device_table.hpp"
 #include "simulation/moteus_device.hpp"
 
-namespace takt::plant::misconfigured {
+namespace takt::simulation::misconfigured {
 
 using config::Drive;
 using drivers::CanFrame;
@@ -337,4 +337,4 @@ inline const std::vector<Row>& rows() {
   return all;
 }
 
-}  // namespace takt::plant::misconfigured
+}  // namespace takt::simulation::misconfigured

@@ -9,7 +9,7 @@
 
 #include "tests/simulation/drive_loop.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using misconfigured::Planted;
@@ -72,4 +72,4 @@ INSTANTIATE_TEST_SUITE_P(Misconfigured, EveryDrive, testing::ValuesIn(misconfigu
 });
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

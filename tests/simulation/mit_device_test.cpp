@@ -7,7 +7,7 @@
 
 #include <optional>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 config::Drive damiao(std::string variant = "damiao") {
@@ -251,4 +251,4 @@ TEST_F(SimulatedDrive, HardWorkWarmsTheWinding) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

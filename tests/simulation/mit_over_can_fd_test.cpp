@@ -47,7 +47,7 @@ TEST(MitOverCanFd, IsSetUpEnabledLedAndStopped) {
 
 TEST(MitOverCanFd, AnotherRateInItsRegisterIsNamedAndNotArmed) {
   test::DriveLoop loop(damiao(5'000'000), milliseconds(100));
-  loop.device = plant::make_device(damiao(2'000'000), milliseconds(100));
+  loop.device = simulation::make_device(damiao(2'000'000), milliseconds(100));
   for (int ms = 0; ms < 300; ++ms) loop.tick(false);
   EXPECT_EQ(loop.host->feedback().drive_state, DriveState::fault);
   EXPECT_NE(error_name(damiao(5'000'000), loop.host->feedback().error_code).find("bit rate of CAN FD (register 35)"),
@@ -57,11 +57,11 @@ TEST(MitOverCanFd, AnotherRateInItsRegisterIsNamedAndNotArmed) {
 
 TEST(MitOverCanFd, ADriveThatAnswersInClassicFramesIsNamed) {
   test::DriveLoop loop(damiao(5'000'000), milliseconds(100));
-  loop.device = plant::make_device(damiao(0), milliseconds(100));
+  loop.device = simulation::make_device(damiao(0), milliseconds(100));
   for (int ms = 0; ms < 100; ++ms) loop.tick(false);
   EXPECT_FALSE(loop.host->feedback().received_at.is_set());
   // As a drive does that hears CAN FD and is set to classic frames.
-  loop.device = plant::make_device(damiao(5'000'000), milliseconds(100));
+  loop.device = simulation::make_device(damiao(5'000'000), milliseconds(100));
   loop.on_the_way = [](CanFrame& frame) {
     if (frame.id == 0x13) frame.fd = frame.bit_rate_switch = false;
     return true;

@@ -15,7 +15,7 @@
 
 #include "simulation/mjcf_newer.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 class ModelSurveyTest : public testing::Test {
@@ -413,4 +413,4 @@ TEST_F(ModelSurveyTest, WhatCannotBeReadIsOneSentence) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -9,7 +9,7 @@
 
 #include "tests/drivers/bus/frame_text.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using test::frame_of;
@@ -191,4 +191,4 @@ TEST_F(SimulatedMoteus, NonsenseEndsTheFrameAndNothingElse) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

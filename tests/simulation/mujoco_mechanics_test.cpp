@@ -24,7 +24,7 @@
 #include "tests/support/files.hpp"
 #include "tests/support/shared_files.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 class MujocoTest : public testing::Test {
@@ -591,4 +591,4 @@ TEST(G1InMujoco, WalksByItsPublishedPolicyAndFallsWithoutIt) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

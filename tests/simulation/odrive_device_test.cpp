@@ -9,7 +9,7 @@
 
 #include "tests/drivers/bus/frame_text.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using test::frame_of;
@@ -154,4 +154,4 @@ TEST_F(SimulatedOdrive, OtherNodesAndKindsOfFramesAreNotForIt) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

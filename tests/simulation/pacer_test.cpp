@@ -7,7 +7,7 @@
 
 #include <cmath>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr MonoTime kFirst{10'000'000};
@@ -53,4 +53,4 @@ TEST(Pacer, SettlesBehindTheCommandsFromAnyPhase) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

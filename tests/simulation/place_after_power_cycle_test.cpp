@@ -21,7 +21,7 @@
 #include "simulation/robot_plant.hpp"
 #include "tests/simulation/whole_loop.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using config::PositionAfterPowerUp;
@@ -317,4 +317,4 @@ TEST(PlaceAfterPowerCycle, AWordOnADriveThatWasSwitchedOffSinceIsNone) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -15,7 +15,7 @@
 #include "tests/simulation/drive_loop.hpp"
 #include "tests/simulation/misconfigured_drives.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using config::Drive;
@@ -291,4 +291,4 @@ TEST(PlantedForTools, AScaleThatIsWrongIsFoundAndNeverCalledFine) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

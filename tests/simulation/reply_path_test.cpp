@@ -13,7 +13,7 @@
 #include "config/load.hpp"
 #include "simulation/plant.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using Arrivals = std::vector<std::pair<int, int>>;  // millisecond, number of the frame
@@ -138,4 +138,4 @@ TEST(PlantLine, ThatIsWellAgainKeepsTheOrder) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

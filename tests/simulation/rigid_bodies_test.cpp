@@ -21,7 +21,7 @@
 #include "simulation/model_survey.hpp"
 #include "simulation/mujoco_model.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr const char* kPolicy =
@@ -115,7 +115,7 @@ TEST_F(RigidBodies, WeighWhatTheModelWeighsInEveryPose) {
     take(model);
     const config::RobotConfig robot = this->robot();
     ASSERT_TRUE(robot.model);
-    const auto tick = std::make_unique<pipeline::TickConfig>(config::tick_config_of(robot, 0));
+    const auto tick = std::make_unique<pipeline::TickConfig>(setup::tick_config_of(robot, 0));
     const pipeline::GravityModel gravity(*tick);
     for (int time = 0; time < 50; ++time) {
       const std::vector<double> pose = drawn_pose(robot);
@@ -156,4 +156,4 @@ TEST_F(RigidBodies, AreNotWrittenOfABaseThatMoves) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -16,7 +16,7 @@
 #include "simulation/arm_dynamics.hpp"
 #include "tests/simulation/plant_robots.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 class Loop {
@@ -219,4 +219,4 @@ TEST(RobotPlant, RefusesARobotItCannotSimulate) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

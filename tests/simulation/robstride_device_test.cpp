@@ -7,7 +7,7 @@
 
 #include <optional>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 config::Drive cybergear() {
@@ -269,4 +269,4 @@ TEST_F(SimulatedRobstride, FramesThatAreNotForItAreNotAnswered) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -62,10 +62,10 @@ class RobstrideLoop : public testing::Test {
 
   config::RobotConfig robot_ = one_joint();
   std::unique_ptr<JointDriver> driver_ = make_joint_driver(robot_, 0).value();
-  std::unique_ptr<plant::Device> device_ = plant::make_device(robot_.joints[0].drive, milliseconds(50));
+  std::unique_ptr<simulation::Device> device_ = simulation::make_device(robot_.joints[0].drive, milliseconds(50));
   std::array<CanFrame, kMaxFramesPerDrive> out_;
-  plant::Frames on_the_wire_;
-  plant::MotorReading motor_;
+  simulation::Frames on_the_wire_;
+  simulation::MotorReading motor_;
   double torque_ = 0;
   MonoTime now_{1};
 };
@@ -91,7 +91,7 @@ TEST_F(RobstrideLoop, SetsUpEnablesAndFollows) {
 TEST_F(RobstrideLoop, AFaultStopsIsReportedAndClearsInStandby) {
   ticks(40, false);
   ticks(20, true, kThere);
-  ASSERT_TRUE(device_->inject(plant::DeviceFault::over_temperature));
+  ASSERT_TRUE(device_->inject(simulation::DeviceFault::over_temperature));
   ticks(3, true, kThere);
   EXPECT_EQ(feedback().drive_state, DriveState::fault);
   EXPECT_NE(error_name(robot_.joints[0].drive, feedback().error_code).find("over-temperature"), std::string::npos);
@@ -109,10 +109,10 @@ TEST_F(RobstrideLoop, TheDriveStopsByItselfWhenTheHostFallsSilentAndStaysStopped
   ticks(40, false);
   ticks(20, true, kThere);
   ticks(60, true, kThere, false);
-  EXPECT_EQ(device_->state(), plant::DeviceState::lost);
+  EXPECT_EQ(device_->state(), simulation::DeviceState::lost);
   ticks(20, true, kThere);
   EXPECT_EQ(feedback().drive_state, DriveState::disabled);
-  EXPECT_EQ(device_->state(), plant::DeviceState::lost) << "commands alone do not bring it back";
+  EXPECT_EQ(device_->state(), simulation::DeviceState::lost) << "commands alone do not bring it back";
   ticks(2, false);
   ticks(40, true, kThere);
   EXPECT_EQ(feedback().drive_state, DriveState::enabled) << "the operator does";
@@ -120,7 +120,7 @@ TEST_F(RobstrideLoop, TheDriveStopsByItselfWhenTheHostFallsSilentAndStaysStopped
 
 TEST_F(RobstrideLoop, ADriveInAnotherRunModeIsPutRightBeforeItIsEnabled) {
   CanFrame speed_mode = encode_robstride_setting({9, 0xFD}, RobstrideParameter::run_mode, 2);
-  plant::Frames ignored;
+  simulation::Frames ignored;
   device_->receive(speed_mode, now_, ignored);
   ticks(60, true, kThere);
   EXPECT_EQ(feedback().drive_state, DriveState::enabled);
@@ -135,7 +135,7 @@ TEST_F(RobstrideLoop, ADriveThatWasWithoutPowerIsToldItsTimeoutAgain) {
   ticks(40, true, kThere);
   ASSERT_EQ(feedback().drive_state, DriveState::enabled);
   ticks(60, true, kThere, false);
-  EXPECT_EQ(device_->state(), plant::DeviceState::lost);
+  EXPECT_EQ(device_->state(), simulation::DeviceState::lost);
 }
 
 }  // namespace

@@ -19,7 +19,7 @@
 #include "simulation/robot_plant.hpp"
 #include "tests/simulation/plant_robots.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr std::string_view kDevices =
@@ -372,4 +372,4 @@ TEST(ScenarioPlayer, SameSeedSameRun) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -13,7 +13,7 @@
 #include "tests/simulation/plant_robots.hpp"
 #include "tests/support/files.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 std::string with_event(std::string_view event) {
@@ -270,4 +270,4 @@ TEST(Devices, TheExampleFits) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -9,7 +9,7 @@
 #include <memory>
 #include <vector>
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr MonoTime kStart{1'000'000'000};
@@ -115,4 +115,4 @@ TEST(SensorPath, LosesTheShareOfItsSeed) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -17,7 +17,7 @@
 #include "tests/simulation/forked_world.hpp"
 #include "tests/simulation/plant_robots.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using test::ForkedWorld;
@@ -135,4 +135,4 @@ TEST_F(SimulatedSensorsTest, WhatNobodyPlaysHereIsNotStruck) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

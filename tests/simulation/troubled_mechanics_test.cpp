@@ -10,7 +10,7 @@
 
 #include "tests/simulation/plant_robots.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 constexpr std::array kPayloads{2.0};
@@ -66,4 +66,4 @@ TEST(TroubledMechanics, FrictionSlowsTheFall) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -17,8 +17,8 @@ namespace takt::test {
 
 class WholeLoop {
  public:
-  WholeLoop(const config::RobotConfig& robot, plant::Plant& plant)
-      : config(config::tick_config_of(robot, 0)), plant_(plant), state_(pipeline::make_tick_state(config)) {
+  WholeLoop(const config::RobotConfig& robot, simulation::Plant& plant)
+      : config(setup::tick_config_of(robot, 0)), plant_(plant), state_(pipeline::make_tick_state(config)) {
     for (std::size_t j = 0; j < robot.joints.size(); ++j) {
       auto made = drivers::make_joint_driver(robot, j);
       if (!made) throw std::runtime_error(made.error());
@@ -107,12 +107,12 @@ class WholeLoop {
     for (std::size_t i = 0; i < chunk_->value_count(); ++i) chunk_->values[i] = pose[i % pose.size()];
   }
 
-  plant::Plant& plant_;
+  simulation::Plant& plant_;
   pipeline::TickStatePtr state_;
   pipeline::TickInput input_;
   std::vector<std::unique_ptr<drivers::JointDriver>> drivers_;
   std::unique_ptr<CommandChunk> chunk_ = std::make_unique<CommandChunk>();
-  plant::Frames said_;
+  simulation::Frames said_;
 };
 
 }  // namespace takt::test

@@ -14,7 +14,7 @@
 #include "tests/simulation/forked_world.hpp"
 #include "tests/simulation/plant_robots.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using testing::HasSubstr;
@@ -194,4 +194,4 @@ INSTANTIATE_TEST_SUITE_P(World, OwnWorlds, testing::Range<std::size_t>(0, 3));
 INSTANTIATE_TEST_SUITE_P(World, Filming, testing::Range<std::size_t>(0, 3));
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

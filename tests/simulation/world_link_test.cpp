@@ -18,7 +18,7 @@
 #include "tests/simulation/forked_world.hpp"
 #include "tests/simulation/plant_robots.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 using test::ForkedWorld;
@@ -598,4 +598,4 @@ TEST(OutsideMechanics, WhenTheWorldEndsTheRobotStaysWhereItWas) {
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

@@ -20,7 +20,7 @@
 #include "simulation/robot_plant.hpp"
 #include "tests/simulation/whole_loop.hpp"
 
-namespace takt::plant {
+namespace takt::simulation {
 namespace {
 
 const config::RobotConfig& dual_arm() {
@@ -239,4 +239,4 @@ INSTANTIATE_TEST_SUITE_P(Robots, RightFeedback,
                          [](const auto& robot) { return robot.param.name; });
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::simulation

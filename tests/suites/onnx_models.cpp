@@ -93,7 +93,7 @@ std::expected<Loaded, std::string> load(const fs::path& file, const onnx_runtime
   if (model) return Loaded{make_onnx_network(*std::move(model)), true};
   const std::string why = model.error().sentence.substr(file.string().size() + 2);
   if (!model.error().beyond || runtime == nullptr) return std::unexpected(why);
-  auto network = load_judging_network(*runtime, file, nullptr);
+  auto network = policy_trial::load_judging_network(*runtime, file, nullptr);
   if (!network) return std::unexpected(why + "; nor by ONNX Runtime: " + network.error());
   return Loaded{*std::move(network), false};
 }
@@ -115,7 +115,7 @@ std::optional<double> judged(Network& network, const fs::path& folder, std::size
     const std::vector<float>& wanted = (*outputs)[o].values;
     if (own.size() != wanted.size()) return std::nullopt;
     for (std::size_t i = 0; i < own.size(); ++i) {
-      error = std::max(error, distance_of(own[i], wanted[i]));
+      error = std::max(error, policy_trial::distance_of(own[i], wanted[i]));
       both_nan += std::isnan(own[i]) && std::isnan(wanted[i]) ? 1U : 0U;
     }
   }

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # cmake -DOUT=file.cpp "-DFILES=name=path;name=path" -P embed_text.cmake
-# Writes the files into a C++ source as string views of takt::monitor::assets. Files of one name are put one behind the
+# Writes the files into a C++ source as string views of takt::evidence::assets. Files of one name are put one behind the
 # other, in order.
-set(source "#include \"evidence/review/report/report_assets.hpp\"\n\nnamespace takt::monitor::assets {\nnamespace {\n")
+set(source "#include \"evidence/review/report/report_assets.hpp\"\n\nnamespace takt::evidence::assets {\nnamespace {\n")
 set(names "")
 foreach(entry IN LISTS FILES)
   string(REGEX MATCH "^([^=]+)=(.+)$" matched "${entry}")
@@ -20,4 +20,4 @@ foreach(name IN LISTS names)
   string(APPEND source "constexpr char ${name}_text[] = {${bytes}'\\0'};\n")
   string(APPEND views "extern const std::string_view ${name};\nconst std::string_view ${name}(${name}_text, ${size});\n")
 endforeach()
-file(WRITE "${OUT}" "${source}}  // namespace\n${views}}  // namespace takt::monitor::assets\n")
+file(WRITE "${OUT}" "${source}}  // namespace\n${views}}  // namespace takt::evidence::assets\n")

@@ -9,7 +9,7 @@
 #include <new>
 #include <stdexcept>
 
-namespace takt::monitor {
+namespace takt::evidence {
 namespace {
 
 constexpr std::int32_t kMissing = -32768;
@@ -100,4 +100,4 @@ PackedBlock pack(const SampleBlock& block) {
           base64_of(deflated(content))};
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -13,7 +13,7 @@
 
 #include "evidence/review/report/sample_block.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 
 struct PackedBlock {
   nlohmann::ordered_json layout;
@@ -21,4 +21,4 @@ struct PackedBlock {
 };
 PackedBlock pack(const SampleBlock& block);
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -5,8 +5,8 @@
 
 #include <string_view>
 
-namespace takt::monitor::assets {
+namespace takt::evidence::assets {
 
 extern const std::string_view page_html, page_css, page_js, dygraphs_js, dygraphs_css;
 
-}  // namespace takt::monitor::assets
+}  // namespace takt::evidence::assets

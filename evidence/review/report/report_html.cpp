@@ -8,7 +8,7 @@
 #include "evidence/review/report/report_text.hpp"
 #include "evidence/review/report/robot_figure.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -37,9 +37,9 @@ Json modes_json(const RunSeries& series) {
   return bands;
 }
 
-Json violations_json(const FaultSummary& faults, MonoTime start) {
+Json violations_json(const monitor::FaultSummary& faults, MonoTime start) {
   Json violations = Json::array();
-  for (const FaultVerdict& verdict : faults.verdicts) {
+  for (const monitor::FaultVerdict& verdict : faults.verdicts) {
     violations.push_back({{"at_s", (verdict.at - start).seconds()},
                           {"first_tick", verdict.first_tick},
                           {"last_tick", verdict.last_tick},
@@ -51,9 +51,9 @@ Json violations_json(const FaultSummary& faults, MonoTime start) {
   return violations;
 }
 
-Json marks_json(const RunMetrics& metrics) {
+Json marks_json(const monitor::RunMetrics& metrics) {
   Json marks = Json::array();
-  for (const Mark& mark : metrics.marks) {
+  for (const monitor::Mark& mark : metrics.marks) {
     marks.push_back({{"at_s", (mark.at - metrics.start).seconds()}, {"tick", mark.tick}, {"text", mark.text}});
   }
   return marks;
@@ -77,7 +77,7 @@ Json joints_json(const config::RobotConfig& robot) {
 }
 
 Json facts_of(const ReportContent& content, const Json& whole, const Json& moments) {
-  const RunManifest& manifest = content.run.manifest;
+  const monitor::RunManifest& manifest = content.run.manifest;
   Json buses = Json::array();
   for (const config::Bus& bus : content.run.robot.buses) buses.push_back(bus.name);
   return {
@@ -87,7 +87,7 @@ Json facts_of(const ReportContent& content, const Json& whole, const Json& momen
       {"intervention_kinds", kInterventionNames},
       {"host", manifest.host},
       {"complete", manifest.complete},
-      {"started", utc_text(manifest.started_at.ns + manifest.clock.monotonic_to_unix_ns)},
+      {"started", monitor::utc_text(manifest.started_at.ns + manifest.clock.monotonic_to_unix_ns)},
       {"period_s", content.run.robot.control.period.seconds()},
       {"modes", modes_json(content.series)},
       {"violations", violations_json(content.faults, content.metrics.start)},
@@ -117,4 +117,4 @@ std::string report_html(const ReportContent& content) {
   return page;
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -10,15 +10,15 @@
 #include "monitor/judge/fault_classifier.hpp"
 #include "monitor/judge/run_metrics.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 
 struct ReportContent {
-  const RecordedRun& run;
-  const RunMetrics& metrics;
-  const FaultSummary& faults;
+  const monitor::RecordedRun& run;
+  const monitor::RunMetrics& metrics;
+  const monitor::FaultSummary& faults;
   const RunSeries& series;
   const std::optional<RunComparison>& comparison;
 };
 std::string report_html(const ReportContent& content);
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-namespace takt::monitor {
+namespace takt::evidence {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -55,4 +55,4 @@ Json robot_figure(const config::RobotConfig& robot) {
   return nullptr;
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

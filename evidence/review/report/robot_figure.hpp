@@ -11,8 +11,8 @@
 
 #include "config/robot_config.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 
 nlohmann::ordered_json robot_figure(const config::RobotConfig& robot);
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

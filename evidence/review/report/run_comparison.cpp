@@ -8,12 +8,12 @@
 #include "monitor/judge/run_metrics.hpp"
 #include "monitor/record/bounded_file.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-std::int64_t started_unix_ns(const RunManifest& manifest) {
+std::int64_t started_unix_ns(const monitor::RunManifest& manifest) {
   return manifest.started_at.ns + manifest.clock.monotonic_to_unix_ns;
 }
 
@@ -90,14 +90,14 @@ Json json_of(Number number) {
   return number ? Json(*number) : Json(nullptr);
 }
 
-std::expected<Json, std::string> metrics_json_of(const RecordedRun& run) {
-  if (const auto text = read_file(run.folder.metrics())) {
+std::expected<Json, std::string> metrics_json_of(const monitor::RecordedRun& run) {
+  if (const auto text = monitor::read_file(run.folder.metrics())) {
     Json json = Json::parse(*text, nullptr, false);
     const bool is_its_own = json.is_object() && json.value("schema", "") == "takt.metrics/1" &&
                             json.value("run_id", "") == run.manifest.run_id;
     if (is_its_own) return json;
   }
-  const auto metrics = metrics_of(run);
+  const auto metrics = monitor::metrics_of(run);
   if (!metrics) return std::unexpected(metrics.error());
   return to_json(*metrics, run);
 }
@@ -105,11 +105,11 @@ std::expected<Json, std::string> metrics_json_of(const RecordedRun& run) {
 }  // namespace
 
 std::expected<RunComparison, std::string> compare_with(const Json& metrics, const std::string& other_path) {
-  const auto other = open_run(other_path);
+  const auto other = monitor::open_run(other_path);
   if (!other) return std::unexpected(other.error());
   const auto numbers = metrics_json_of(*other);
   if (!numbers) return std::unexpected(numbers.error());
-  RunComparison comparison{other->manifest.run_id, other_path, utc_text(started_unix_ns(other->manifest)),
+  RunComparison comparison{other->manifest.run_id, other_path, monitor::utc_text(started_unix_ns(other->manifest)),
                            numbers->value("contract", Json()) == metrics.value("contract", Json()),
                            numbers_of(metrics)};
   const auto theirs = numbers_of(*numbers);
@@ -142,4 +142,4 @@ Json to_json(const RunComparison& comparison) {
           {"rows", rows}};
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -13,7 +13,7 @@
 
 #include "monitor/record/recorded_run.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 
 struct ComparisonRow {
   std::string label, unit;
@@ -32,4 +32,4 @@ std::expected<RunComparison, std::string> compare_with(const nlohmann::ordered_j
 std::string comparison_text(const RunComparison& comparison);
 nlohmann::ordered_json to_json(const RunComparison& comparison);
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -6,7 +6,7 @@
 
 #include "evidence/review/report/task_target.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 namespace {
 
 constexpr std::uint64_t kMomentTicksLeast = 40, kMomentTicksMost = 2'000;
@@ -16,13 +16,13 @@ struct TickRange {
 };
 
 // Around the beginning of each verdict, a third of it before; each as long as all together allow. Sorted, disjoint.
-std::vector<TickRange> moments_of(const FaultSummary& faults, std::size_t row_bytes) {
+std::vector<TickRange> moments_of(const monitor::FaultSummary& faults, std::size_t row_bytes) {
   if (faults.verdicts.empty()) return {};
   const std::uint64_t room = kMomentBytes / row_bytes;
   const std::uint64_t length = std::clamp(room / faults.verdicts.size(), kMomentTicksLeast, kMomentTicksMost);
   std::vector<TickRange> moments;
   std::uint64_t used = 0;
-  for (const FaultVerdict& verdict : faults.verdicts) {
+  for (const monitor::FaultVerdict& verdict : faults.verdicts) {
     TickRange range{verdict.first_tick - std::min(verdict.first_tick, length / 3), verdict.first_tick + 2 * length / 3};
     if (!moments.empty()) range.first = std::max(range.first, moments.back().last + 1);
     if (range.first > range.last) continue;
@@ -39,8 +39,8 @@ class PolicyTarget {
   explicit PolicyTarget(std::size_t joints) : joints_(joints) {}
 
   // Read by the tick to come.
-  void command(const RecordedCommand& command) {
-    const auto header = policy_header_of(command);
+  void command(const monitor::RecordedCommand& command) {
+    const auto header = monitor::policy_header_of(command);
     if (!header || header->joint_count != joints_ || header->step_count == 0) return;
     const std::size_t first = value_index(*header, CommandField::q, header->step_count - 1U, 0);
     const std::size_t at = sizeof *header + first * sizeof(float);
@@ -61,7 +61,7 @@ class PolicyTarget {
 
 class Series {
  public:
-  Series(const RecordedRun& run, const RunMetrics& metrics, const FaultSummary& faults,
+  Series(const monitor::RecordedRun& run, const monitor::RunMetrics& metrics, const monitor::FaultSummary& faults,
          std::optional<TaskTarget> task_target, std::size_t whole_bytes)
       : joints_(run.robot.joints.size()),
         buses_(run.robot.buses.size()),
@@ -75,7 +75,7 @@ class Series {
     if (bucket_ticks_ > 1) ranges_ = moments_of(faults, row_bytes());
   }
 
-  void command(const RecordedCommand& command) { policy_target_.command(command); }
+  void command(const monitor::RecordedCommand& command) { policy_target_.command(command); }
   void tick(const TickRecord& record) {
     const TickRecordHeader& header = record.header;
     const double at_s = (header.now - start_).seconds();
@@ -127,8 +127,8 @@ class Series {
 
 }  // namespace
 
-std::expected<RunSeries, std::string> series_of(const RecordedRun& run, const RunMetrics& metrics,
-                                                const FaultSummary& faults, const std::string& truth_file,
+std::expected<RunSeries, std::string> series_of(const monitor::RecordedRun& run, const monitor::RunMetrics& metrics,
+                                                const monitor::FaultSummary& faults, const std::string& truth_file,
                                                 std::size_t whole_bytes) {
   std::optional<TaskTarget> task_target;
   if (!truth_file.empty()) {
@@ -137,12 +137,13 @@ std::expected<RunSeries, std::string> series_of(const RecordedRun& run, const Ru
     task_target = std::move(*opened);
   }
   Series series(run, metrics, faults, std::move(task_target), whole_bytes);
-  const auto scanned = scan_run(run, {.tick = [&](const RecordedTick& tick) { series.tick(tick.record); },
-                                      .command = [&](const RecordedCommand& command) { series.command(command); },
-                                      .keyframe = {},
-                                      .loss = {}});
+  const auto scanned =
+      monitor::scan_run(run, {.tick = [&](const monitor::RecordedTick& tick) { series.tick(tick.record); },
+                              .command = [&](const monitor::RecordedCommand& command) { series.command(command); },
+                              .keyframe = {},
+                              .loss = {}});
   if (!scanned) return std::unexpected(scanned.error());
   return series.finish();
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

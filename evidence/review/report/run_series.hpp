@@ -13,7 +13,7 @@
 #include "monitor/judge/fault_classifier.hpp"
 #include "monitor/judge/run_metrics.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 
 // Base64 makes three bytes four, even if nothing could be compressed: with script and tables below 15 MB.
 inline constexpr std::size_t kWholeBytes = 8'500'000;
@@ -34,8 +34,8 @@ struct RunSeries {
 
 // `truth_file`: takt-plant's record of what the simulated robot did (simulation/truth_log.hpp), for the task's
 // target; empty: none. `whole_bytes` as kWholeBytes, smaller in tests.
-std::expected<RunSeries, std::string> series_of(const RecordedRun& run, const RunMetrics& metrics,
-                                                const FaultSummary& faults, const std::string& truth_file,
+std::expected<RunSeries, std::string> series_of(const monitor::RecordedRun& run, const monitor::RunMetrics& metrics,
+                                                const monitor::FaultSummary& faults, const std::string& truth_file,
                                                 std::size_t whole_bytes = kWholeBytes);
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-namespace takt::monitor {
+namespace takt::evidence {
 namespace {
 
 constexpr float kNothing = std::numeric_limits<float>::quiet_NaN();
@@ -180,4 +180,4 @@ void SampleBlockBuilder::flush() {
   bucket_ = {};
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

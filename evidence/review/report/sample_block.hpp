@@ -26,7 +26,7 @@
 #include "config/robot_config.hpp"
 #include "executive/contract/tick_record.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 
 struct SampleColumn {
   std::string name;
@@ -106,4 +106,4 @@ class SampleBlockBuilder {
   std::size_t column_ = 0;  // that put() fills next
 };
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-namespace takt::monitor {
+namespace takt::evidence {
 
 std::expected<TaskTarget, std::string> TaskTarget::open(const std::string& path) {
   std::ifstream stream(path);
@@ -36,4 +36,4 @@ std::optional<TaskTarget::Entry> TaskTarget::read() {
   return {};
 }
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

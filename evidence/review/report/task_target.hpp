@@ -12,7 +12,7 @@
 #include "config/robot_config.hpp"
 #include "executive/contract/mono_time.hpp"
 
-namespace takt::monitor {
+namespace takt::evidence {
 
 class TaskTarget {
  public:
@@ -32,4 +32,4 @@ class TaskTarget {
   std::optional<Entry> next_, current_;
 };
 
-}  // namespace takt::monitor
+}  // namespace takt::evidence

@@ -89,9 +89,9 @@ class Rehearsal {
   Rehearsal(const Case& one, std::uint64_t seed)
       : one_(one),
         robot_(robot_of(one)),
-        limits_(config::tick_config_of(robot_, 0).joints[0]),
+        limits_(setup::tick_config_of(robot_, 0).joints[0]),
         driver_(make_joint_driver(robot_, 0).value()),
-        device_(plant::make_device(robot_.joints[0].drive, milliseconds(100))),
+        device_(simulation::make_device(robot_.joints[0].drive, milliseconds(100))),
         guard_(robot_),
         random_(seed) {}
 
@@ -177,7 +177,7 @@ class Rehearsal {
 
   WireVerdict exchange(const Told& told, bool enabled) {
     now_ = now_ + kTick;
-    plant::Frames said;
+    simulation::Frames said;
     std::array<CanFrame, kMaxFramesPerDrive> out;
     const std::size_t count = driver_->encode(told.enable, told.setpoint, now_, now_ + told.life, out);
     JointRecord record;
@@ -212,7 +212,7 @@ class Rehearsal {
   config::RobotConfig robot_;
   pipeline::JointConfig limits_;
   std::unique_ptr<JointDriver> driver_;
-  std::unique_ptr<plant::Device> device_;
+  std::unique_ptr<simulation::Device> device_;
   WireGuard guard_;
   std::mt19937_64 random_;
   MonoTime now_{1'000'000'000};

@@ -13,7 +13,7 @@
 namespace takt::drivers {
 namespace {
 
-using plant::Cia402Profile;
+using simulation::Cia402Profile;
 using Verdict = OwnScale::Verdict;
 
 config::Drive file() {
@@ -26,11 +26,11 @@ config::Drive file() {
 }
 
 OwnScale asked(const config::Drive& drive, const Cia402Profile& profile) {
-  plant::Cia402Device device(file(), milliseconds(100), profile);
+  simulation::Cia402Device device(file(), milliseconds(100), profile);
   Cia402Scale scale(drive);
   MonoTime now{1};
   for (int ms = 0; ms < 3000 && !scale.asked(); ++ms, now = now + milliseconds(1)) {
-    plant::Frames said;
+    simulation::Frames said;
     if (const auto question = scale.ask(false, now)) device.receive(*question, now, said);
     for (const CanFrame& frame : said) scale.take(frame);
   }

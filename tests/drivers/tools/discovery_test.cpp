@@ -21,18 +21,18 @@ class DiscoveryTest : public testing::Test {
  protected:
   // Everything the drives of one bus hear is answered at once; a second of their own words goes by first.
   std::set<Key> scan(std::size_t bus, std::uint32_t last_id = 127) {
-    std::vector<std::unique_ptr<plant::Device>> devices;
+    std::vector<std::unique_ptr<simulation::Device>> devices;
     std::set<config::DriveProtocol> protocols;
     for (const config::Joint& joint : robot_.joints) {
       if (joint.bus != bus) continue;
-      devices.push_back(plant::make_device(joint.drive, milliseconds(100)));
+      devices.push_back(simulation::make_device(joint.drive, milliseconds(100)));
       protocols.insert(joint.drive.protocol);
     }
     BusScan scan(protocols, 0, last_id);
     for (const config::Joint& joint : robot_.joints)
       if (joint.bus == bus)
         for (const CanFrame& question : own_questions(joint.drive, robot_.buses[bus])) scan.also_ask(question);
-    plant::Frames said;
+    simulation::Frames said;
     MonoTime now{1};
     for (int ms = 0; ms < 1000; ++ms, now = now + milliseconds(1))
       for (const auto& device : devices) device->update({}, now, milliseconds(1), said);
@@ -86,10 +86,10 @@ TEST_F(DiscoveryTest, NumbersBeyondTheLastAreNotReported) {
 TEST_F(DiscoveryTest, TheZeroThatADriveIsToldOutlivesItsSupply) {
   for (const std::size_t joint : {std::size_t{0}, std::size_t{3}}) {
     const config::Drive& drive = robot_.joints[joint].drive;
-    const auto device = plant::make_device(drive, milliseconds(100));
+    const auto device = simulation::make_device(drive, milliseconds(100));
     const auto frames = zero_frames(drive);
     ASSERT_FALSE(frames.empty());
-    plant::Frames said;
+    simulation::Frames said;
     device->update({0.7, 0}, MonoTime{1}, milliseconds(1), said);
     for (const CanFrame& frame : frames) device->receive(frame, MonoTime{2}, said);
     device->power_cycle(MonoTime{2});

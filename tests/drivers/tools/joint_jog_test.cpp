@@ -21,7 +21,7 @@ namespace {
 class Jog : public testing::Test {
  protected:
   Jog() {
-    plant::Frames said;
+    simulation::Frames said;
     device_->update({gear_ * q_, gear_ * dq_}, now_, {}, said);
   }
   void run(const JogWish& wish, Duration limit = seconds(20)) {
@@ -37,7 +37,7 @@ class Jog : public testing::Test {
   // The joint's drive is a CiA 402 one: as the file has it, and as it is.
   void replace_drive(
       const std::function<void(config::Drive&)>& file, const std::function<void(config::Drive&)>& truth,
-      const std::function<void(plant::Cia402Profile&)>& profile = [](plant::Cia402Profile&) {}) {
+      const std::function<void(simulation::Cia402Profile&)>& profile = [](simulation::Cia402Profile&) {}) {
     config::Drive& drive = robot_.joints[3].drive;
     drive.protocol = config::DriveProtocol::cia402;
     drive.mode = config::Cia402Mode::cst;
@@ -48,16 +48,16 @@ class Jog : public testing::Test {
     file(drive);
     truth(real);
     driver_ = make_joint_driver(robot_, 3).value();
-    plant::Cia402Profile told = plant::profile_of(real);
+    simulation::Cia402Profile told = simulation::profile_of(real);
     profile(told);
-    device_ = std::make_unique<plant::Cia402Device>(real, milliseconds(100), told);
-    plant::Frames said;
+    device_ = std::make_unique<simulation::Cia402Device>(real, milliseconds(100), told);
+    simulation::Frames said;
     device_->update({gear_ * q_, gear_ * dq_}, now_, {}, said);
   }
   void step(JointJog& jog) {
     now_ = now_ + milliseconds(1);
     std::array<CanFrame, kMaxFramesPerDrive> out;
-    plant::Frames answers;
+    simulation::Frames answers;
     const std::size_t sent = jog.tick(now_, out);
     for (std::size_t i = 0; i < sent && is_there_; ++i) device_->receive(out[i], now_, answers);
     const double motor = gear_ * device_->update({gear_ * q_, gear_ * dq_}, now_, milliseconds(1), answers);
@@ -80,7 +80,7 @@ class Jog : public testing::Test {
 
   config::RobotConfig robot_ = test::demo_arm();
   std::unique_ptr<JointDriver> driver_ = make_joint_driver(robot_, 3).value();
-  std::unique_ptr<plant::Device> device_ = plant::make_device(robot_.joints[3].drive, milliseconds(100));
+  std::unique_ptr<simulation::Device> device_ = simulation::make_device(robot_.joints[3].drive, milliseconds(100));
   MonoTime now_{1};
   double q_ = 0.3, dq_ = 0, most_torque_ = 0, moved_ = 0;
   double load_ = 0;        // Nm on the joint from outside
@@ -88,7 +88,7 @@ class Jog : public testing::Test {
   double gear_ = 1;
   bool is_there_ = true, is_blocked_ = false, is_wired_backwards_ = false;
   GravityTerm gravity_;
-  std::optional<plant::DeviceFault> fault_;
+  std::optional<simulation::DeviceFault> fault_;
   std::string failure_;
   VelocityScale velocity_;
   std::optional<OwnScale> own_;
@@ -100,7 +100,7 @@ TEST_F(Jog, MovesAsFarAsAskedAndLetsGo) {
   EXPECT_EQ(failure_, "");
   EXPECT_NEAR(q_, 0.4, 0.01);
   EXPECT_NEAR(moved_, 0.1, 0.01);
-  EXPECT_EQ(device_->state(), plant::DeviceState::disabled);
+  EXPECT_EQ(device_->state(), simulation::DeviceState::disabled);
   EXPECT_EQ(velocity_.verdict, VelocityScale::Verdict::right) << velocity_.sentence;
 }
 
@@ -112,8 +112,8 @@ TEST_F(Jog, ASlideMovesByMillimetres) {
   gear_ = 100;
   q_ = 0.01;
   driver_ = make_joint_driver(robot_, 3).value();
-  device_ = plant::make_device(robot_.joints[3].drive, milliseconds(100));
-  plant::Frames said;
+  device_ = simulation::make_device(robot_.joints[3].drive, milliseconds(100));
+  simulation::Frames said;
   device_->update({gear_ * q_, 0}, now_, {}, said);
   run({.by = 0.005, .speed = 0.01, .torque = 5});
   EXPECT_EQ(failure_, "");
@@ -128,7 +128,7 @@ TEST_F(Jog, ASlideMovesByMillimetres) {
   is_blocked_ = true;
   run({.by = 0.005, .speed = 0.01, .torque = 5}, seconds(60));
   EXPECT_TRUE(failure_.starts_with("strayed -2.0 mm from where it was led")) << failure_;
-  EXPECT_EQ(device_->state(), plant::DeviceState::disabled);
+  EXPECT_EQ(device_->state(), simulation::DeviceState::disabled);
 }
 
 const auto kNothing = [](config::Drive&) {};
@@ -160,7 +160,7 @@ TEST_F(Jog, AScaleThatTheDriveItselfHasIsJudged) {
 }
 
 TEST_F(Jog, AScaleThatOnlyTheFileSaysIsNotJudged) {
-  replace_drive(kNothing, kTwiceTheCounts, [](plant::Cia402Profile& profile) {
+  replace_drive(kNothing, kTwiceTheCounts, [](simulation::Cia402Profile& profile) {
     profile.encoder.reset();
     profile.feed.reset();
     profile.velocity_unit.reset();
@@ -175,7 +175,7 @@ TEST_F(Jog, AScaleThatOnlyTheFileSaysIsNotJudged) {
 
 // Turns per minute are no counts: a drive that tells them measures the counts of one that tells no encoder.
 TEST_F(Jog, AVelocityInTurnsPerMinuteMeasuresTheCounts) {
-  replace_drive(kNothing, kTwiceTheCounts, [](plant::Cia402Profile& profile) {
+  replace_drive(kNothing, kTwiceTheCounts, [](simulation::Cia402Profile& profile) {
     profile.encoder.reset();
     profile.feed.reset();
     profile.speed_counts = 60'000;
@@ -206,8 +206,8 @@ TEST_F(Jog, AVelocityOfAnotherRangeIsNamed) {
   driver_ = make_joint_driver(robot_, 3).value();
   config::Drive other = drive;
   other.velocity_range *= 0.8;
-  device_ = plant::make_device(other, milliseconds(100));
-  plant::Frames said;
+  device_ = simulation::make_device(other, milliseconds(100));
+  simulation::Frames said;
   device_->update({gear_ * q_, gear_ * dq_}, now_, {}, said);
   run({.by = 0.15, .speed = 0.2, .torque = 1});
   EXPECT_EQ(velocity_.verdict, VelocityScale::Verdict::wrong) << velocity_.scale;
@@ -257,7 +257,7 @@ TEST_F(Jog, AJointThatFallsIsLetGoWithinTwoDegreesAndSaysSo) {
   load_ = -3;
   run({.by = 0.1, .speed = 0.2, .torque = 1});
   EXPECT_NE(failure_.find("strayed -2."), std::string::npos) << failure_;
-  EXPECT_EQ(device_->state(), plant::DeviceState::disabled);
+  EXPECT_EQ(device_->state(), simulation::DeviceState::disabled);
   EXPECT_GT(moved_, -0.06);
 }
 
@@ -311,8 +311,8 @@ TEST_F(Jog, SaysWhatADriveRefusesThatReportsNothing) {
   driver_ = make_joint_driver(robot_, 3).value();
   config::Drive other = drive;
   other.rated_torque = 12;
-  device_ = plant::make_device(other, milliseconds(100));
-  plant::Frames said;
+  device_ = simulation::make_device(other, milliseconds(100));
+  simulation::Frames said;
   device_->update({gear_ * q_, gear_ * dq_}, now_, {}, said);
   run({.by = 0.1, .speed = 0.2, .torque = 1});
   EXPECT_NE(failure_.find("its drive does not get ready: the drive's own settings differ from the robot file: object "
@@ -322,10 +322,10 @@ TEST_F(Jog, SaysWhatADriveRefusesThatReportsNothing) {
 }
 
 TEST_F(Jog, SaysWhatTheDriveReports) {
-  fault_ = plant::DeviceFault::over_current;
+  fault_ = simulation::DeviceFault::over_current;
   run({.by = 0.1, .speed = 0.2, .torque = 1});
   EXPECT_EQ(failure_, "its drive reports over-current");
-  EXPECT_NE(device_->state(), plant::DeviceState::enabled);
+  EXPECT_NE(device_->state(), simulation::DeviceState::enabled);
 }
 
 TEST_F(Jog, CanBeStoppedAtAnyTime) {
@@ -336,7 +336,7 @@ TEST_F(Jog, CanBeStoppedAtAnyTime) {
   for (int ms = 0; ms < 200; ++ms) step(jog);
   EXPECT_TRUE(jog.ended());
   EXPECT_EQ(jog.failure(), "");
-  EXPECT_EQ(device_->state(), plant::DeviceState::disabled);
+  EXPECT_EQ(device_->state(), simulation::DeviceState::disabled);
 }
 
 }  // namespace

@@ -25,8 +25,8 @@ class Search : public testing::Test {
   void use(const config::Drive& drive) {
     robot_.joints[3].drive = drive;
     driver_ = make_joint_driver(robot_, 3).value();
-    device_ = plant::make_device(drive, milliseconds(100));
-    plant::Frames said;
+    device_ = simulation::make_device(drive, milliseconds(100));
+    simulation::Frames said;
     device_->update({gear_ * q_, gear_ * dq_}, now_, {}, said);
   }
   void run(const StopWish& wish) {
@@ -35,12 +35,12 @@ class Search : public testing::Test {
     EXPECT_TRUE(search.ended());
     failure_ = search.failure();
     stop_at_ = search.stop_at();
-    EXPECT_NE(device_->state(), plant::DeviceState::enabled);
+    EXPECT_NE(device_->state(), simulation::DeviceState::enabled);
   }
   void step(StopSearch& search) {
     now_ = now_ + milliseconds(1);
     std::array<CanFrame, kMaxFramesPerDrive> out;
-    plant::Frames answers;
+    simulation::Frames answers;
     const std::size_t sent = search.tick(now_, out);
     for (std::size_t i = 0; i < sent && is_there_; ++i) device_->receive(out[i], now_, answers);
     const double motor = gear_ * device_->update({gear_ * q_, gear_ * dq_}, now_, milliseconds(1), answers);
@@ -55,14 +55,14 @@ class Search : public testing::Test {
     if (is_there_)
       for (const CanFrame& answer : answers) driver_->decode({answer, now_});
     if (fault_at_ && q_ > *fault_at_) {
-      device_->inject(plant::DeviceFault::over_current);
+      device_->inject(simulation::DeviceFault::over_current);
       fault_at_.reset();
     }
   }
 
   config::RobotConfig robot_ = test::demo_arm();
   std::unique_ptr<JointDriver> driver_;
-  std::unique_ptr<plant::Device> device_;
+  std::unique_ptr<simulation::Device> device_;
   MonoTime now_{1};
   double q_ = 0.3, dq_ = 0, wall_ = 1.0, most_torque_ = 0, load_ = 0, stop_at_ = 0;
   double viscous_ = 0.2;   // Nm s/rad, of a slide N s/m

@@ -151,14 +151,15 @@ class PolicyReplayTest : public takt::test::TemporaryFolder {
     EXPECT_TRUE(writer.finish());
     return run;
   }
-  static PolicyReplayReport replayed(const RecordedRun& run, const PolicyReplayOptions& options = {}) {
-    auto report = replay_policy(run, options);
+  static evidence::PolicyReplayReport replayed(const RecordedRun& run,
+                                               const evidence::PolicyReplayOptions& options = {}) {
+    auto report = evidence::replay_policy(run, options);
     if (!report) throw std::runtime_error(report.error().sentence);
     return *std::move(report);
   }
-  static std::string refusal(const RecordedRun& run, PolicyReplayRefusal::Why why,
-                             const PolicyReplayOptions& options = {}) {
-    const auto report = replay_policy(run, options);
+  static std::string refusal(const RecordedRun& run, evidence::PolicyReplayRefusal::Why why,
+                             const evidence::PolicyReplayOptions& options = {}) {
+    const auto report = evidence::replay_policy(run, options);
     if (report) return "it was replayed";
     EXPECT_EQ(report.error().why, why);
     return report.error().sentence;
@@ -247,14 +248,15 @@ class SeeingReplayTest : public PolicyReplayTest {
   // Of the answers 3 and 4, whose histories hold image 3.
   void expect_not_judged(const RecordedRun& run, const std::string& said) {
     const auto report = replayed(run);
-    const PolicyReplay& policy = report.policies.front();
+    const evidence::PolicyReplay& policy = report.policies.front();
     EXPECT_EQ(policy.answers, 4U);
     EXPECT_EQ(policy.not_judged, 2U);
     EXPECT_EQ(policy.without_image, 2U);
     EXPECT_EQ(policy.identical, 2U);
     EXPECT_EQ(policy.first_without_image.find("observation 3: cam0: "), 0U) << policy.first_without_image;
     EXPECT_NE(policy.first_without_image.find(said), std::string::npos) << policy.first_without_image;
-    EXPECT_NE(policy_replay_text(report).find("2 of them rest on an image without a sound file"), std::string::npos);
+    EXPECT_NE(evidence::policy_replay_text(report).find("2 of them rest on an image without a sound file"),
+              std::string::npos);
     EXPECT_FALSE(report.is_whole());
     EXPECT_TRUE(report.agrees());
   }
@@ -293,7 +295,7 @@ TEST_F(PolicyReplayTest, TheSameFileGivesTheSameBitsWithItsMemoryAndItsResets) {
   const auto robot_of = robot(write("policy.onnx", accumulator(10)));
   const auto report = replayed(run(robot_of, answers(robot_of, kIds)));
   ASSERT_EQ(report.policies.size(), 1U);
-  const PolicyReplay& policy = report.policies.front();
+  const evidence::PolicyReplay& policy = report.policies.front();
   EXPECT_TRUE(policy.is_of_the_run);
   EXPECT_EQ(policy.answers, 6U);
   EXPECT_EQ(policy.identical, 6U);
@@ -301,15 +303,15 @@ TEST_F(PolicyReplayTest, TheSameFileGivesTheSameBitsWithItsMemoryAndItsResets) {
   EXPECT_EQ(policy.as_answered, 6U);
   EXPECT_TRUE(report.agrees());
   EXPECT_TRUE(report.is_whole());
-  EXPECT_NE(policy_replay_text(report).find("6 of 6 answers reproduce bit for bit"), std::string::npos);
+  EXPECT_NE(evidence::policy_replay_text(report).find("6 of 6 answers reproduce bit for bit"), std::string::npos);
 }
 
 TEST_F(PolicyReplayTest, AnotherFileGivesTheDistancesOfItsTargets) {
   const auto robot_of = robot(write("policy.onnx", forgetful(10)));
   const RecordedRun recorded = run(robot_of, answers(robot_of, {1, 2}));
-  PolicyReplayOptions options{write("other.onnx", forgetful(11)), 0.15};
+  evidence::PolicyReplayOptions options{write("other.onnx", forgetful(11)), 0.15};
   const auto report = replayed(recorded, options);
-  const PolicyReplay& policy = report.policies.front();
+  const evidence::PolicyReplay& policy = report.policies.front();
   EXPECT_FALSE(policy.is_of_the_run);
   EXPECT_EQ(policy.identical, 0U);
   EXPECT_FALSE(report.agrees());
@@ -333,7 +335,7 @@ TEST_F(PolicyReplayTest, ASlidesTargetsAreInMetres) {
   auto robot_of = robot(write("policy.onnx", forgetful(10)));
   robot_of.joints[1].kind = config::JointKind::slide;
   const auto report = replayed(run(robot_of, answers(robot_of, {1})), {write("other.onnx", forgetful(11)), 0.15});
-  const PolicyReplay& policy = report.policies.front();
+  const evidence::PolicyReplay& policy = report.policies.front();
   EXPECT_EQ(policy.unit, "rad (slides: m)");
   EXPECT_EQ(policy.joints[0].unit, "rad");
   EXPECT_EQ(policy.joints[1].unit, "m");
@@ -357,7 +359,7 @@ TEST_F(PolicyReplayTest, AFlippedBitIsNamedAndTheRestStillReproduces) {
   bits ^= 0x10U;
   std::memcpy(&all[1].input.input.input[1], &bits, sizeof bits);
   const auto report = replayed(run(robot_of, all));
-  const PolicyReplay& policy = report.policies.front();
+  const evidence::PolicyReplay& policy = report.policies.front();
   EXPECT_EQ(policy.altered, 1U);
   EXPECT_EQ(policy.first_altered, "observation 2: input[1]");
   EXPECT_EQ(policy.identical, 6U) << "as it was before the bit flipped";
@@ -369,7 +371,7 @@ TEST_F(PolicyReplayTest, WhatWasAlteredBeyondRepairIsNotJudgedNorWhatRemembersIt
   auto all = answers(robot_of, kIds);
   all[1].input.input.input = {3, 4};
   const auto report = replayed(run(robot_of, all));
-  const PolicyReplay& policy = report.policies.front();
+  const evidence::PolicyReplay& policy = report.policies.front();
   EXPECT_EQ(policy.altered, 1U);
   EXPECT_EQ(policy.not_judged, 2U) << "2 itself, and 3, which remembers it; 200 began anew";
   EXPECT_EQ(policy.identical, 4U);
@@ -383,7 +385,7 @@ TEST_F(PolicyReplayTest, BehindAMissingAnswerOnlyAMemoryIsUnknown) {
     auto all = answers(robot_of, kIds);
     all.erase(all.begin() + 1);
     const auto report = replayed(run(robot_of, all));
-    const PolicyReplay& policy = report.policies.front();
+    const evidence::PolicyReplay& policy = report.policies.front();
     EXPECT_EQ(policy.missing, 1U);
     EXPECT_EQ(policy.not_judged, remembers ? 1U : 0U);
     EXPECT_EQ(policy.identical, policy.answers - policy.not_judged);
@@ -420,13 +422,13 @@ TEST_F(PolicyReplayTest, ACommandThatNoAnswerExplainsIsMissing) {
   auto all = answers(robot_of, kIds);
   for (std::size_t answer = 3; answer < all.size(); ++answer) all[answer].has_evidence = false;
   const auto report = replayed(run(robot_of, all));
-  const PolicyReplay& policy = report.policies.front();
+  const evidence::PolicyReplay& policy = report.policies.front();
   EXPECT_EQ(policy.identical, 3U);
   EXPECT_EQ(policy.missing, 0U) << "no answer behind them says that there were any";
   EXPECT_EQ(policy.unanswered, 3U);
   EXPECT_TRUE(report.agrees());
   EXPECT_FALSE(report.is_whole());
-  EXPECT_NE(policy_replay_text(report).find("  3 commands that the executive read are of no recorded answer"),
+  EXPECT_NE(evidence::policy_replay_text(report).find("  3 commands that the executive read are of no recorded answer"),
             std::string::npos);
   EXPECT_EQ(to_json(report).at("policies").at(0).at("unanswered"), 3);
 }
@@ -439,7 +441,7 @@ TEST_F(PolicyReplayTest, WhatIsDeclaredLostExplainsAsManyCommands) {
   const auto unanswered = [&](const std::vector<Loss>& losses) {
     std::filesystem::remove_all(path("run"));
     const auto report = replayed(run(robot_of, all, losses));
-    const PolicyReplay& policy = report.policies.front();
+    const evidence::PolicyReplay& policy = report.policies.front();
     EXPECT_EQ(report.is_whole(), policy.unanswered == 0 && policy.lost == 0);
     return policy.unanswered;
   };
@@ -492,11 +494,11 @@ TEST_F(PolicyReplayTest, AFileThatEndsBeforeItsManifestIsNotWhole) {
   EXPECT_EQ(report.missing_ticks, 1U);
   EXPECT_TRUE(report.agrees());
   EXPECT_FALSE(report.is_whole());
-  EXPECT_NE(policy_replay_text(report).find("1 ticks are missing"), std::string::npos);
+  EXPECT_NE(evidence::policy_replay_text(report).find("1 ticks are missing"), std::string::npos);
 }
 
 TEST_F(PolicyReplayTest, WhatCannotBeComparedIsRefusedInOneLine) {
-  using Why = PolicyReplayRefusal::Why;
+  using Why = evidence::PolicyReplayRefusal::Why;
   const auto robot_of = robot(write("policy.onnx", forgetful(10)));
   const auto recorded = answers(robot_of, {1, 2});
   EXPECT_NE(refusal(run(robot_of, {}), Why::no_evidence).find("has no policy inputs"), std::string::npos);

@@ -81,10 +81,10 @@ class Counterfactuals : public test::TemporaryFolder, public testing::WithParamI
 };
 
 TEST_P(Counterfactuals, NamesTheSmallestValueThatWouldHaveKeptItGoing) {
-  const auto review = review_of(recorded());
+  const auto review = evidence::review_of(recorded());
   ASSERT_TRUE(review);
   ASSERT_EQ(review->metrics.incidents.size(), 1U);
-  const Incident& incident = review->metrics.incidents.front();
+  const incident::Incident& incident = review->metrics.incidents.front();
   EXPECT_EQ(incident.cause, GetParam().cause);
   const std::string with = "with " + std::string(GetParam().key) + " " + GetParam().named + " (was ";
   EXPECT_NE(incident.counterfactual.find(with), std::string::npos) << incident.counterfactual;
@@ -99,7 +99,7 @@ INSTANTIATE_TEST_SUITE_P(Disturbed, Counterfactuals, testing::ValuesIn(kDisturba
 class CounterfactualTest : public test::TemporaryFolder {
  protected:
   static std::string told_of(const RecordedRun& run) {
-    const auto review = review_of(run);
+    const auto review = evidence::review_of(run);
     return review && !review->metrics.incidents.empty() ? review->metrics.incidents.front().counterfactual : "no stop";
   }
   RecordedRun frozen(std::uint64_t ticks_frozen, std::uint64_t ticks) {
@@ -149,7 +149,7 @@ TEST_F(CounterfactualTest, OfCausesThatTheStopItselfChangesItSaysNothing) {
     input.joints[1].dq = strikes(input.tick, 30) ? 10.0F : 0.0F;
   };
   const RecordedRun run = record(robot, path("run"), kTicks, [](std::uint64_t) {});
-  const auto review = review_of(run);
+  const auto review = evidence::review_of(run);
   ASSERT_TRUE(review);
   ASSERT_FALSE(review->metrics.incidents.empty());
   EXPECT_EQ(review->metrics.incidents.front().cause, Cause::envelope_exceeded);

@@ -39,12 +39,12 @@ std::string_view colour(Mode mode) {
   return mode == Mode::degraded ? "#fbbf24" : "#f87171";
 }
 
-bool is_straight(const SvgPoint& a, const SvgPoint& b, const SvgPoint& c) {
+bool is_straight(const evidence::SvgPoint& a, const evidence::SvgPoint& b, const evidence::SvgPoint& c) {
   return std::abs((b.x - a.x) * (c.y - b.y) - (b.y - a.y) * (c.x - b.x)) < 1e-3 * (c.x - a.x);
 }
 
 struct Story {
-  std::vector<SvgPoint> ages;
+  std::vector<evidence::SvgPoint> ages;
   struct Stretch {
     Mode mode;
     std::uint64_t from, to;  // ticks
@@ -55,7 +55,7 @@ struct Story {
     if (header.tick < kShownFrom) return;
     if (modes.empty() || modes.back().mode != header.mode) modes.push_back({header.mode, header.tick, header.tick});
     modes.back().to = header.tick + 1;
-    const SvgPoint point{x_of(header.tick), y_of(header.age.total().milliseconds())};
+    const evidence::SvgPoint point{x_of(header.tick), y_of(header.age.total().milliseconds())};
     if (ages.size() > 1 && is_straight(ages[ages.size() - 2], ages.back(), point)) ages.pop_back();
     ages.push_back(point);
   }
@@ -72,33 +72,35 @@ Story story_of(const RecordedRun& run) {
 }
 
 std::string event(std::uint64_t tick, std::string_view what, std::string_view anchor) {
-  return svg_line(x_of(tick), kTop - 6, x_of(tick), kModeBottom, "#9ca3af") +
-         svg_text(x_of(tick), kTop - 12, what, anchor);
+  return evidence::svg_line(x_of(tick), kTop - 6, x_of(tick), kModeBottom, "#9ca3af") +
+         evidence::svg_text(x_of(tick), kTop - 12, what, anchor);
 }
 
 std::string picture_of(const Story& story, Duration max_age) {
   const double limit = y_of(max_age.milliseconds());
-  std::string body = svg_text(kLeft - 8, y_of(0), "0", "end") +
-                     svg_text(kLeft - 8, limit + 4, fmt::format("{:.0f} ms", max_age.milliseconds()), "end") +
-                     svg_text(kLeft - 8, kTop + 4, fmt::format("{:.0f} ms +", kOldestShown), "end") +
-                     svg_text(kLeft - 8, kTop - 16, "age", "end") +
-                     svg_text(kLeft - 8, kModeBottom - 8, "mode", "end") +
-                     svg_line(kLeft, limit, kRight, limit, "#c2410c") + svg_text(kRight, limit - 6, "max_age", "end") +
+  std::string body = evidence::svg_text(kLeft - 8, y_of(0), "0", "end") +
+                     evidence::svg_text(kLeft - 8, limit + 4, fmt::format("{:.0f} ms", max_age.milliseconds()), "end") +
+                     evidence::svg_text(kLeft - 8, kTop + 4, fmt::format("{:.0f} ms +", kOldestShown), "end") +
+                     evidence::svg_text(kLeft - 8, kTop - 16, "age", "end") +
+                     evidence::svg_text(kLeft - 8, kModeBottom - 8, "mode", "end") +
+                     evidence::svg_line(kLeft, limit, kRight, limit, "#c2410c") +
+                     evidence::svg_text(kRight, limit - 6, "max_age", "end") +
                      event(kFrozenAt, "policy frozen", "end") + event(kThawedAt, "goes on", "start") +
-                     event(kGoneAt, "policy killed", "middle") + svg_polyline(story.ages, "#1d4ed8");
+                     event(kGoneAt, "policy killed", "middle") + evidence::svg_polyline(story.ages, "#1d4ed8");
   for (const auto& [mode, from, to] : story.modes) {
     std::string called(name(mode));
     std::ranges::replace(called, '_', ' ');
     const double middle = (x_of(from) + x_of(to)) / 2;
-    body += svg_rectangle({x_of(from), kModeTop, x_of(to) - x_of(from), kModeBottom - kModeTop}, colour(mode), 0.5,
-                          called) +
-            svg_text(middle, kModeBottom - 8, called, "middle");
+    body += evidence::svg_rectangle({x_of(from), kModeTop, x_of(to) - x_of(from), kModeBottom - kModeTop}, colour(mode),
+                                    0.5, called) +
+            evidence::svg_text(middle, kModeBottom - 8, called, "middle");
   }
-  body += svg_text(
+  body += evidence::svg_text(
       kWidth / 2, kHeight - 16,
       "A stale command is never played: the robot holds, goes on when fresh commands return, and stops when none do.",
       "middle");
-  return svg_document(kWidth, kHeight, "Age of the command in use, its limit, and what the robot does meanwhile", body);
+  return evidence::svg_document(kWidth, kHeight,
+                                "Age of the command in use, its limit, and what the robot does meanwhile", body);
 }
 
 }  // namespace

@@ -26,48 +26,49 @@ class ReplayTest : public test::TemporaryFolder {
   static void leave_command(RecordedCommand&) {}
   static bool keep(std::uint64_t) { return true; }
 
-  ReplayReport replay_altered(const std::function<void(TickRecord&)>& alter) {
-    const auto report = replay(altered_copy(run_, path(std::to_string(++copies_)), alter, leave_command, keep), 1);
+  evidence::ReplayReport replay_altered(const std::function<void(TickRecord&)>& alter) {
+    const auto report =
+        evidence::replay(altered_copy(run_, path(std::to_string(++copies_)), alter, leave_command, keep), 1);
     EXPECT_TRUE(report) << report.error();
-    return report ? *report : ReplayReport{};
+    return report ? *report : evidence::ReplayReport{};
   }
   const RecordedRun run_ = record_demo(path("run"));
   int copies_ = 0;
 };
 
 TEST_F(ReplayTest, EveryTickReproducesBitForBit) {
-  const auto report = replay(run_, 1);
+  const auto report = evidence::replay(run_, 1);
   ASSERT_TRUE(report) << report.error();
-  EXPECT_TRUE(report->reproduces()) << replay_text(*report);
+  EXPECT_TRUE(report->reproduces()) << evidence::replay_text(*report);
   EXPECT_EQ(report->ticks, kDemoTicks);
   EXPECT_EQ(report->identical, kDemoTicks);
   EXPECT_EQ(report->not_judged, 0U);
   EXPECT_TRUE(report->is_whole());
   EXPECT_EQ(report->keyframes, kDemoTicks / VirtualRobot::kKeyframeEvery);
-  EXPECT_EQ(replay_text(*report).substr(0, 45), "4000 of 4000 ticks reproduce bit for bit; 20 ");
+  EXPECT_EQ(evidence::replay_text(*report).substr(0, 45), "4000 of 4000 ticks reproduce bit for bit; 20 ");
 }
 
 // What an older build recorded may come out otherwise for its sake: who reads the report knows.
 TEST_F(ReplayTest, ARunOfOtherSourcesIsNamedAsSuch) {
   RecordedRun run = run_;
   run.manifest.executive = {{"version", "0.1.0+git7.0123456789ab"}, {"source_sha256", std::string(64, 'a')}};
-  const auto other = replay(run, 1);
+  const auto other = evidence::replay(run, 1);
   ASSERT_TRUE(other) << other.error();
   EXPECT_TRUE(other->reproduces());
-  EXPECT_NE(replay_text(*other).find("\ntakt 0.1.0+git7.0123456789ab made it, of other sources than "),
+  EXPECT_NE(evidence::replay_text(*other).find("\ntakt 0.1.0+git7.0123456789ab made it, of other sources than "),
             std::string::npos);
   EXPECT_EQ(to_json(*other)["made_by_other_sources"], "0.1.0+git7.0123456789ab");
   run.manifest.executive["source_sha256"] = source_sha256();
-  const auto same = replay(run, 1);
+  const auto same = evidence::replay(run, 1);
   ASSERT_TRUE(same) << same.error();
   EXPECT_EQ(same->made_by, "");
   EXPECT_TRUE(to_json(*same)["made_by_other_sources"].is_null());
 }
 
 TEST_F(ReplayTest, StartsAtTheLastKeyframeBeforeATick) {
-  const auto report = replay(run_, 2'345);
+  const auto report = evidence::replay(run_, 2'345);
   ASSERT_TRUE(report) << report.error();
-  EXPECT_TRUE(report->reproduces()) << replay_text(*report);
+  EXPECT_TRUE(report->reproduces()) << evidence::replay_text(*report);
   EXPECT_EQ(report->started_at, 2'345U);
   EXPECT_EQ(report->identical, kDemoTicks - 2'344);
 }
@@ -96,7 +97,7 @@ TEST_F(ReplayTest, OneFlippedBitNamesTickAndField) {
   };
   constexpr std::uint64_t at = 1'234;
   for (const Case& each : cases) {
-    const ReplayReport report = replay_altered([&](TickRecord& record) {
+    const evidence::ReplayReport report = replay_altered([&](TickRecord& record) {
       if (record.header.tick == at) each.alter(record);
     });
     EXPECT_FALSE(report.reproduces()) << each.field;
@@ -118,7 +119,7 @@ TEST_F(ReplayTest, AFlippedBitInACommandIsNamed) {
     altered_tick = command.tick;
     command.payload[sizeof(CommandHeader) + 4 * 7] ^= std::byte{1};
   };
-  const auto report = replay(altered_copy(run_, path("altered"), leave, alter, keep), 1);
+  const auto report = evidence::replay(altered_copy(run_, path("altered"), leave, alter, keep), 1);
   ASSERT_TRUE(report) << report.error();
   ASSERT_TRUE(report->first);
   EXPECT_EQ(report->first->tick, altered_tick);
@@ -128,7 +129,7 @@ TEST_F(ReplayTest, AFlippedBitInACommandIsNamed) {
 
 // More than a bit: the checksum says that something is wrong, the decision says where.
 TEST_F(ReplayTest, AForgedInputIsFoundByTheDecisionItself) {
-  const ReplayReport report = replay_altered([](TickRecord& record) {
+  const evidence::ReplayReport report = replay_altered([](TickRecord& record) {
     if (record.header.tick == 1'010) record.joints[1].feedback.q += 0.0123F;
   });
   ASSERT_TRUE(report.first);
@@ -141,9 +142,9 @@ TEST_F(ReplayTest, AForgedInputIsFoundByTheDecisionItself) {
 
 TEST_F(ReplayTest, BehindAGapItStartsAgainAtTheNextKeyframe) {
   const auto gone = [](std::uint64_t tick) { return tick < 1'050 || tick > 1'060; };
-  const auto report = replay(altered_copy(run_, path("gap"), leave, leave_command, gone), 1);
+  const auto report = evidence::replay(altered_copy(run_, path("gap"), leave, leave_command, gone), 1);
   ASSERT_TRUE(report) << report.error();
-  EXPECT_TRUE(report->reproduces()) << replay_text(*report);
+  EXPECT_TRUE(report->reproduces()) << evidence::replay_text(*report);
   EXPECT_EQ(report->gaps, 1U);
   EXPECT_EQ(report->not_judged, 1'200U - 1'060U);
   EXPECT_EQ(report->identical, kDemoTicks - 11 - 140);
@@ -154,12 +155,13 @@ TEST_F(ReplayTest, AFileThatEndsBeforeItsManifestIsNotWhole) {
   const auto early = [](std::uint64_t tick) { return tick <= 3'000; };
   const RecordedRun cut = altered_copy(run_, path("cut"), leave, leave_command, early);
   for (const std::uint64_t from : {1U, 2'345U}) {
-    const auto report = replay(cut, from);
+    const auto report = evidence::replay(cut, from);
     ASSERT_TRUE(report) << report.error();
-    EXPECT_TRUE(report->reproduces()) << replay_text(*report);
+    EXPECT_TRUE(report->reproduces()) << evidence::replay_text(*report);
     EXPECT_EQ(report->missing, kDemoTicks - 3'000);
     EXPECT_FALSE(report->is_whole());
-    EXPECT_NE(replay_text(*report).find("1000 ticks are missing"), std::string::npos) << replay_text(*report);
+    EXPECT_NE(evidence::replay_text(*report).find("1000 ticks are missing"), std::string::npos)
+        << evidence::replay_text(*report);
     EXPECT_EQ(to_json(*report).at("missing"), kDemoTicks - 3'000);
   }
 }
@@ -167,9 +169,9 @@ TEST_F(ReplayTest, AFileThatEndsBeforeItsManifestIsNotWhole) {
 // Exactly from one keyframe to the next: the state is known again with the first tick behind it.
 TEST_F(ReplayTest, TicksTakenOutBetweenTwoKeyframesAreMissed) {
   const auto gone = [](std::uint64_t tick) { return tick <= 1'000 || tick > 1'200; };
-  const auto report = replay(altered_copy(run_, path("hole"), leave, leave_command, gone), 1);
+  const auto report = evidence::replay(altered_copy(run_, path("hole"), leave, leave_command, gone), 1);
   ASSERT_TRUE(report) << report.error();
-  EXPECT_TRUE(report->reproduces()) << replay_text(*report);
+  EXPECT_TRUE(report->reproduces()) << evidence::replay_text(*report);
   EXPECT_EQ(report->not_judged, 0U);
   EXPECT_EQ(report->missing, 200U);
   EXPECT_FALSE(report->is_whole());
@@ -180,11 +182,12 @@ TEST_F(ReplayTest, TicksThatWereNotRecordedAreSaid) {
   RecordedRun stopped = run_;
   stopped.manifest.unrecorded_ticks = 4'225;
   stopped.manifest.stopped_because = "No space left on device";
-  const auto report = replay(stopped, 1);
+  const auto report = evidence::replay(stopped, 1);
   ASSERT_TRUE(report) << report.error();
   EXPECT_TRUE(report->reproduces());
   EXPECT_FALSE(report->is_whole());
-  EXPECT_NE(replay_text(*report).find("4225 ticks are not in this folder: recording stopped: No space left on device"),
+  EXPECT_NE(evidence::replay_text(*report).find(
+                "4225 ticks are not in this folder: recording stopped: No space left on device"),
             std::string::npos);
   EXPECT_EQ(to_json(*report).at("unrecorded"), 4'225);
 }
@@ -194,7 +197,7 @@ TEST_F(ReplayTest, AManifestThatSaysOfFewerTicksMissesNone) {
   RecordedRun cut_off = run_;
   cut_off.manifest.complete = false;
   cut_off.manifest.ticks = 0;
-  const auto report = replay(cut_off, 1);
+  const auto report = evidence::replay(cut_off, 1);
   ASSERT_TRUE(report) << report.error();
   EXPECT_TRUE(report->is_whole());
 }
@@ -229,12 +232,12 @@ TEST_F(ReplayTest, RefusedMessagesReproduceFromTheirHeaders) {
     }
   };
   const RecordedRun run = record(robot, path("refused"), 2'000, [](std::uint64_t) {});
-  const auto report = replay(run, 1);
+  const auto report = evidence::replay(run, 1);
   ASSERT_TRUE(report) << report.error();
-  EXPECT_TRUE(report->reproduces()) << replay_text(*report);
+  EXPECT_TRUE(report->reproduces()) << evidence::replay_text(*report);
   EXPECT_EQ(report->identical, 2'000U);
   EXPECT_GT(report->by_header, 40U);
-  EXPECT_NE(replay_text(*report).find(" refused messages were kept by their header"), std::string::npos);
+  EXPECT_NE(evidence::replay_text(*report).find(" refused messages were kept by their header"), std::string::npos);
 }
 
 // A configuration that is not the run's is refused before anything is compared.

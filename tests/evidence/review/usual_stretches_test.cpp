@@ -25,7 +25,7 @@ TEST_F(UsualStretches, StretchesOfAnotherPolicyAreNotTheRuns) {
     const auto all = [](std::uint64_t) { return true; };
     const RecordedRun copy = altered_copy(
         run, path("copy"), by_another, [](RecordedCommand&) {}, all, Checksums::made_anew);
-    const auto found = usual_stretches(copy, milliseconds(100));
+    const auto found = evidence::usual_stretches(copy, milliseconds(100));
     return found ? found->size() : 0;
   };
   const std::size_t whole = stretches(1, 0);

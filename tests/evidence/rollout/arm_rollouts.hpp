@@ -10,7 +10,7 @@
 #include "evidence/rollout/rollout.hpp"
 #include "policy_host/onnx_policy.hpp"
 
-namespace takt::panel::test {
+namespace takt::lab::test {
 
 inline const config::RobotConfig& arm() {
   static const config::RobotConfig robot = [] {
@@ -31,8 +31,8 @@ inline policy_host::Policy& arm_policy() {
 }
 
 // 5 s; the perturbation acts from 2 s to 4 s, the last 3 s are scored.
-inline RolloutSetup setup(std::string_view perturbation = "none", std::uint64_t seed = 1) {
-  const PerturbationKind* const kind = find_perturbation(perturbation);
+inline evidence::RolloutSetup setup(std::string_view perturbation = "none", std::uint64_t seed = 1) {
+  const evidence::PerturbationKind* const kind = evidence::find_perturbation(perturbation);
   if (kind == nullptr) throw std::runtime_error("no such perturbation: " + std::string(perturbation));
   return {.robot = arm(),
           .policy = arm_policy(),
@@ -45,13 +45,13 @@ inline RolloutSetup setup(std::string_view perturbation = "none", std::uint64_t 
           .bound_m = 0.02};
 }
 
-inline RolloutRow run(const RolloutSetup& wanted) {
-  RolloutRow row;
-  if (const auto done = run_rollout(wanted, row); !done) throw std::runtime_error(done.error());
+inline evidence::RolloutRow run(const evidence::RolloutSetup& wanted) {
+  evidence::RolloutRow row;
+  if (const auto done = evidence::run_rollout(wanted, row); !done) throw std::runtime_error(done.error());
   return row;
 }
-inline RolloutRow run(std::string_view perturbation, std::uint64_t seed = 1) {
+inline evidence::RolloutRow run(std::string_view perturbation, std::uint64_t seed = 1) {
   return run(setup(perturbation, seed));
 }
 
-}  // namespace takt::panel::test
+}  // namespace takt::lab::test

@@ -18,7 +18,7 @@
 #include "tests/evidence/rollout/published_g1.hpp"
 #include "tests/support/shared_files.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 // Wheels as fast as the command asks; keeps what the IMU's terms said.
@@ -45,34 +45,34 @@ const config::RobotConfig& rover() {
   return robot;
 }
 
-RolloutSetup setup_of(const config::RobotConfig& robot, policy_host::Policy& policy, std::string_view perturbation,
-                      double dose, std::uint64_t seed) {
+evidence::RolloutSetup setup_of(const config::RobotConfig& robot, policy_host::Policy& policy,
+                                std::string_view perturbation, double dose, std::uint64_t seed) {
   return {.robot = robot,
           .policy = policy,
           .policy_hash = 1,
-          .task = Task::base_velocity,
+          .task = evidence::Task::base_velocity,
           .timing = {},
-          .perturbation = {find_perturbation(perturbation)->trouble, dose, seconds(4), seconds(3)},
+          .perturbation = {evidence::find_perturbation(perturbation)->trouble, dose, seconds(4), seconds(3)},
           .seed = seed,
           .duration = seconds(8),
           .scored = seconds(2),
           .bound_m = 0.3};
 }
 
-RolloutRow run(const RolloutSetup& setup) {
-  RolloutRow row;
-  if (const auto done = run_rollout(setup, row); !done) throw std::runtime_error(done.error());
+evidence::RolloutRow run(const evidence::RolloutSetup& setup) {
+  evidence::RolloutRow row;
+  if (const auto done = evidence::run_rollout(setup, row); !done) throw std::runtime_error(done.error());
   return row;
 }
 
-RolloutRow drive(std::string_view perturbation = "none", double dose = 0, std::uint64_t seed = 1) {
+evidence::RolloutRow drive(std::string_view perturbation = "none", double dose = 0, std::uint64_t seed = 1) {
   Driver driver;
   return run(setup_of(rover(), driver, perturbation, dose, seed));
 }
 
 TEST(BaseVelocityRollout, GoesAsCommandedAndStands) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-    const RolloutRow row = drive("none", 0, seed);
+    const evidence::RolloutRow row = drive("none", 0, seed);
     EXPECT_TRUE(row.success) << row.failure_label << ", seed " << seed << ", " << row.tracking_error_rms_m;
     EXPECT_LT(row.tracking_error_rms_m, 0.1) << "m off, per second";
     EXPECT_EQ(row.safety.entered_degraded, 0U);
@@ -81,8 +81,8 @@ TEST(BaseVelocityRollout, GoesAsCommandedAndStands) {
 
 TEST(BaseVelocityRollout, NotGoingIsATrackingError) {
   Driver driver;
-  RolloutSetup setup = setup_of(rover(), driver, "policy_crash", 60'000, 1);
-  const RolloutRow lost = run(setup);
+  evidence::RolloutSetup setup = setup_of(rover(), driver, "policy_crash", 60'000, 1);
+  const evidence::RolloutRow lost = run(setup);
   EXPECT_EQ(lost.failure_label, "command_lost");
   EXPECT_NEAR(lost.tracking_error_rms_m, 0.5, 0.05) << "it stands, and is told to go";
 }
@@ -95,9 +95,9 @@ TEST(BaseVelocityRollout, TheFallbackPolicyStandsInForOneThatIsGone) {
   robot.degraded.behaviour = config::Degraded::fallback;
   robot.degraded.fallback = "stand";
   Driver driver;
-  FallbackHost host{config::seen_by_fallback(robot, robot.fallbacks.front()), std::make_unique<Driver>(), 2};
+  evidence::FallbackHost host{config::seen_by_fallback(robot, robot.fallbacks.front()), std::make_unique<Driver>(), 2};
   for (const double gone_ms : {1'000.0, 60'000.0}) {
-    RolloutSetup setup = setup_of(robot, driver, "policy_crash", gone_ms, 1);
+    evidence::RolloutSetup setup = setup_of(robot, driver, "policy_crash", gone_ms, 1);
     setup.base_velocity.until = seconds(5);
     setup.fallback = &host;
     std::uint64_t by_fallback = 0, by_policy_at_last = 0;
@@ -105,7 +105,7 @@ TEST(BaseVelocityRollout, TheFallbackPolicyStandsInForOneThatIsGone) {
       by_fallback += record.header.player == Player::fallback ? 1U : 0U;
       by_policy_at_last = record.header.player == Player::policy ? by_policy_at_last + 1 : 0;
     };
-    const RolloutRow row = run(setup);
+    const evidence::RolloutRow row = run(setup);
     EXPECT_TRUE(row.success) << row.failure_label << ", gone for " << gone_ms << " ms";
     EXPECT_EQ(row.safety.entered_damped_stop, 0U);
     EXPECT_GT(by_fallback, 500U);
@@ -114,7 +114,7 @@ TEST(BaseVelocityRollout, TheFallbackPolicyStandsInForOneThatIsGone) {
 }
 
 TEST(BaseVelocityRollout, RepeatsItselfBitForBit) {
-  const RolloutRow one = drive("sensor_dropout", 0.5, 3), other = drive("sensor_dropout", 0.5, 3);
+  const evidence::RolloutRow one = drive("sensor_dropout", 0.5, 3), other = drive("sensor_dropout", 0.5, 3);
   EXPECT_EQ(one.replay_hash, other.replay_hash);
   EXPECT_EQ(one.tracking_error_rms_m, other.tracking_error_rms_m);
   EXPECT_NE(one.replay_hash, drive("sensor_dropout", 0.5, 4).replay_hash);
@@ -125,7 +125,7 @@ TEST(BaseVelocityRollout, RepeatsItselfBitForBit) {
 // policy's newest input.
 TEST(BaseVelocityRollout, TheImuReachesTickAndPolicy) {
   Driver driver;
-  RolloutSetup setup = setup_of(rover(), driver, "none", 0, 1);
+  evidence::RolloutSetup setup = setup_of(rover(), driver, "none", 0, 1);
   std::uint64_t ticks = 0, usable = 0;
   Duration oldest;
   setup.on_tick = [&](const TickRecord& record) {
@@ -150,7 +150,7 @@ TEST(BaseVelocityRollout, AnImuThatIsLostStopsTheRobot) {
 }
 
 TEST(BaseVelocityRollout, ARobotThatIsThrownOverHasFallenAndTheRolloutEnds) {
-  const RolloutRow row = drive("push", 600);
+  const evidence::RolloutRow row = drive("push", 600);
   EXPECT_FALSE(row.success);
   EXPECT_TRUE(row.failure_label == "fell" || row.failure_label == "tilt") << row.failure_label;
   EXPECT_LT(row.ticks, drive().ticks);
@@ -159,29 +159,29 @@ TEST(BaseVelocityRollout, ARobotThatIsThrownOverHasFallenAndTheRolloutEnds) {
 // Goal: the command may end, and standing is then what is asked. Method: judged on the seconds after.
 TEST(BaseVelocityRollout, StandsWhenTheCommandEnds) {
   Driver driver;
-  RolloutSetup setup = setup_of(rover(), driver, "none", 0, 1);
+  evidence::RolloutSetup setup = setup_of(rover(), driver, "none", 0, 1);
   setup.base_velocity.until = seconds(4);
-  const RolloutRow row = run(setup);
+  const evidence::RolloutRow row = run(setup);
   EXPECT_TRUE(row.success) << row.failure_label;
   EXPECT_LT(row.tracking_error_rms_m, 0.02);
 }
 
 TEST(BaseVelocityRollout, WalkingBeginsWhenTheSeedSays) {
-  EXPECT_NE(walk_begins(1), walk_begins(2));
+  EXPECT_NE(evidence::walk_begins(1), evidence::walk_begins(2));
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
-    EXPECT_GE(walk_begins(seed), seconds(2));
-    EXPECT_LT(walk_begins(seed), seconds(3));
+    EXPECT_GE(evidence::walk_begins(seed), seconds(2));
+    EXPECT_LT(evidence::walk_begins(seed), seconds(3));
   }
 }
 
 TEST(BaseVelocityRollout, RefusesWhatItCannotPlay) {
   Driver driver;
   config::RobotConfig robot = rover();
-  const auto refusal = [&](const BaseVelocityTask& task = {}) {
-    RolloutSetup setup = setup_of(robot, driver, "none", 0, 1);
+  const auto refusal = [&](const evidence::BaseVelocityTask& task = {}) {
+    evidence::RolloutSetup setup = setup_of(robot, driver, "none", 0, 1);
     setup.base_velocity = task;
-    RolloutRow row;
-    const auto done = run_rollout(setup, row);
+    evidence::RolloutRow row;
+    const auto done = evidence::run_rollout(setup, row);
     return done ? std::string() : done.error();
   };
   EXPECT_NE(refusal({.command = {2, 0, 0}}).find("outside the limits of sensor velocity"), std::string::npos);
@@ -209,12 +209,12 @@ class WalkerRollout : public testing::TestWithParam<const char*> {
     ASSERT_TRUE(robot) << robot.error();
     robot_ = *robot;
     policy_ = policy_host::load_onnx_policy(robot_.policy->file, "obs", "actions").value();
-    fallback_ = std::move(load_fallback_host(robot_).value());
+    fallback_ = std::move(evidence::load_fallback_host(robot_).value());
     ASSERT_NE(fallback_, nullptr);
   }
   ~WalkerRollout() override { std::remove(path_.c_str()); }
-  RolloutRow walk(std::string_view perturbation, double dose) {
-    RolloutSetup setup = setup_of(robot_, *policy_, perturbation, dose, 1);
+  evidence::RolloutRow walk(std::string_view perturbation, double dose) {
+    evidence::RolloutSetup setup = setup_of(robot_, *policy_, perturbation, dose, 1);
     setup.fallback = fallback_.get();
     setup.base_velocity.until = seconds(5);
     return run(setup);
@@ -223,11 +223,11 @@ class WalkerRollout : public testing::TestWithParam<const char*> {
   std::string path_ = testing::TempDir() + "takt-g1-" + std::to_string(getpid()) + ".yaml";
   config::RobotConfig robot_;
   std::unique_ptr<policy_host::Policy> policy_;
-  std::unique_ptr<FallbackHost> fallback_;
+  std::unique_ptr<evidence::FallbackHost> fallback_;
 };
 
 TEST_P(WalkerRollout, WalksAsCommandedAndIsTheSameTwice) {
-  const RolloutRow row = walk("none", 0);
+  const evidence::RolloutRow row = walk("none", 0);
   EXPECT_TRUE(row.success) << row.failure_label << ", " << row.tracking_error_rms_m;
   EXPECT_EQ(walk("none", 0).replay_hash, row.replay_hash);
   RecordProperty("error_mm", static_cast<int>(1e3 * row.tracking_error_rms_m));
@@ -241,7 +241,7 @@ TEST_P(WalkerRollout, StandsByItsFallbackPolicyWhenItsPolicyIsGone) {
 TEST_P(WalkerRollout, FallsWhenItHoldsInstead) {
   robot_.degraded.behaviour = config::Degraded::hold;
   fallback_.reset();
-  const RolloutRow row = walk("policy_freeze", 2000);
+  const evidence::RolloutRow row = walk("policy_freeze", 2000);
   EXPECT_FALSE(row.success);
   EXPECT_TRUE(row.failure_label == "fell" || row.failure_label == "command_lost" || row.failure_label == "tilt")
       << row.failure_label;
@@ -251,4 +251,4 @@ INSTANTIATE_TEST_SUITE_P(Robots, WalkerRollout, testing::Values("balancer", "g1"
                          [](const auto& robot) { return std::string(robot.param); });
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -11,7 +11,7 @@
 #include "evidence/rollout/rollout.hpp"
 #include "policy_host/onnx_policy.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 const config::RobotConfig& robot_file() {
@@ -50,29 +50,29 @@ const config::RobotConfig& blind_robot() {
 }
 
 // 8 s; the perturbation acts from 3 s to 5 s, the last 2 s are scored.
-RolloutRow run(std::string_view perturbation, double dose, std::uint64_t seed, bool blind = false) {
-  const PerturbationKind* const kind = find_perturbation(perturbation);
+evidence::RolloutRow run(std::string_view perturbation, double dose, std::uint64_t seed, bool blind = false) {
+  const evidence::PerturbationKind* const kind = evidence::find_perturbation(perturbation);
   const config::RobotConfig& robot = blind ? blind_robot() : robot_file();
-  RolloutRow row;
-  const auto done = run_rollout({.robot = robot,
-                                 .policy = policy(),
-                                 .policy_hash = *config::policy_hash(robot.policy->file),
-                                 .task = Task::cart_pole_balance,
-                                 .timing = {},
-                                 .repeat_last = blind,
-                                 .perturbation = {kind->trouble, dose, seconds(3), seconds(2)},
-                                 .seed = seed,
-                                 .duration = seconds(8),
-                                 .scored = seconds(2),
-                                 .bound_m = 0.4},
-                                row);
+  evidence::RolloutRow row;
+  const auto done = evidence::run_rollout({.robot = robot,
+                                           .policy = policy(),
+                                           .policy_hash = *config::policy_hash(robot.policy->file),
+                                           .task = evidence::Task::cart_pole_balance,
+                                           .timing = {},
+                                           .repeat_last = blind,
+                                           .perturbation = {kind->trouble, dose, seconds(3), seconds(2)},
+                                           .seed = seed,
+                                           .duration = seconds(8),
+                                           .scored = seconds(2),
+                                           .bound_m = 0.4},
+                                          row);
   if (!done) throw std::runtime_error(done.error());
   return row;
 }
 
 TEST(CartPoleRollout, NominalSucceedsAndStaysInsideItsConstraints) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
-    const RolloutRow row = run("none", 0, seed);
+    const evidence::RolloutRow row = run("none", 0, seed);
     EXPECT_TRUE(row.success) << row.failure_label << ", seed " << seed;
     EXPECT_EQ(row.constraint_violations, 0U);
     EXPECT_EQ(row.safety.entered_degraded, 0U);
@@ -87,11 +87,11 @@ TEST(CartPoleRollout, RepeatsItselfBitForBit) {
 
 TEST(CartPoleRollout, ASilentPolicyIsSurvivedByTheFallbackAndFatalWithoutIt) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-    const RolloutRow takt = run("policy_crash", 2000, seed);
+    const evidence::RolloutRow takt = run("policy_crash", 2000, seed);
     EXPECT_TRUE(takt.success) << takt.failure_label << ", seed " << seed;
     EXPECT_EQ(takt.safety.entered_degraded, 1U);
     EXPECT_TRUE(takt.recovery_s.has_value());
-    const RolloutRow blind = run("policy_crash", 2000, seed, true);
+    const evidence::RolloutRow blind = run("policy_crash", 2000, seed, true);
     EXPECT_FALSE(blind.success);
     EXPECT_EQ(blind.failure_label == "fell" || blind.failure_label == "envelope_exceeded", true) << blind.failure_label;
     EXPECT_GT(blind.constraint_violations, 0U);
@@ -99,7 +99,7 @@ TEST(CartPoleRollout, ASilentPolicyIsSurvivedByTheFallbackAndFatalWithoutIt) {
 }
 
 TEST(CartPoleRollout, PushAndPayloadTakeHoldOfThePole) {
-  const RolloutRow calm = run("none", 0, 1), pushed = run("push", 0.2, 1), loaded = run("payload", 0.1, 1);
+  const evidence::RolloutRow calm = run("none", 0, 1), pushed = run("push", 0.2, 1), loaded = run("payload", 0.1, 1);
   EXPECT_NE(pushed.replay_hash, calm.replay_hash);
   EXPECT_NE(loaded.replay_hash, calm.replay_hash);
   EXPECT_FALSE(run("push", 100, 1).success) << "nothing balances against such a push";
@@ -108,19 +108,19 @@ TEST(CartPoleRollout, PushAndPayloadTakeHoldOfThePole) {
 TEST(CartPoleRollout, RefusesARobotThatIsNone) {
   auto arm = config::load("config/arm6.yaml");
   ASSERT_TRUE(arm);
-  RolloutRow row;
-  const auto done = run_rollout({.robot = *arm,
-                                 .policy = policy(),
-                                 .task = Task::cart_pole_balance,
-                                 .timing = {},
-                                 .perturbation = {},
-                                 .duration = seconds(1),
-                                 .scored = seconds(1),
-                                 .bound_m = 1},
-                                row);
+  evidence::RolloutRow row;
+  const auto done = evidence::run_rollout({.robot = *arm,
+                                           .policy = policy(),
+                                           .task = evidence::Task::cart_pole_balance,
+                                           .timing = {},
+                                           .perturbation = {},
+                                           .duration = seconds(1),
+                                           .scored = seconds(1),
+                                           .bound_m = 1},
+                                          row);
   ASSERT_FALSE(done);
   EXPECT_NE(done.error().find("task cart_pole_balance needs"), std::string::npos);
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

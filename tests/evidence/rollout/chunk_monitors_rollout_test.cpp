@@ -10,7 +10,7 @@
 #include "lab/panel/panel_file.hpp"
 #include "lab/panel/panel_plan.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 TEST(ChunkMonitorsRollout, FindFailuresThatVelocityDoesNot) {
@@ -19,19 +19,19 @@ TEST(ChunkMonitorsRollout, FindFailuresThatVelocityDoesNot) {
   const auto plan = plan_of(panel, {});
   auto contest = Contest::prepare(std::move(panel));
   ASSERT_TRUE(contest) << contest.error();
-  std::vector<RolloutRow> rows;
+  std::vector<evidence::RolloutRow> rows;
   for (const PlannedRollout& one : plan) rows.push_back(contest->run(one).value().row);
-  constexpr ChunkScore kWatched[] = {ChunkScore::temporal_error, ChunkScore::inefficiency};
+  constexpr config::ChunkScore kWatched[] = {config::ChunkScore::temporal_error, config::ChunkScore::inefficiency};
   const auto made = detection_of(rows, kWatched, 0.25);
   ASSERT_TRUE(made) << made.error();
   std::printf("%s", detection_text(*made).c_str());
-  const auto area = [&](ChunkScore score) { return made->auroc[static_cast<std::size_t>(score)].value().area; };
-  EXPECT_GE(area(ChunkScore::inefficiency), 0.9);
-  EXPECT_GE(area(ChunkScore::temporal_error), 0.9);
-  EXPECT_LT(area(ChunkScore::velocity), 0.9);
+  const auto area = [&](config::ChunkScore score) { return made->auroc[static_cast<std::size_t>(score)].value().area; };
+  EXPECT_GE(area(config::ChunkScore::inefficiency), 0.9);
+  EXPECT_GE(area(config::ChunkScore::temporal_error), 0.9);
+  EXPECT_LT(area(config::ChunkScore::velocity), 0.9);
   EXPECT_GE(10 * made->failed_caught, 9 * made->failed);
   EXPECT_LE(made->nominal_caught, made->nominal / 2);
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

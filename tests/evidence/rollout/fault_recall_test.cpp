@@ -12,7 +12,7 @@
 #include "monitor/judge/fault_classifier.hpp"
 #include "tests/evidence/rollout/arm_rollouts.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using monitor::Fault;
@@ -32,11 +32,11 @@ constexpr std::uint64_t kFirstSeed = 101, kSeeds = 3;
 constexpr std::size_t kNone = monitor::kFaultCount;  // column of rollouts without trouble
 
 monitor::FaultSummary classify(const Planted& planted, std::uint64_t seed) {
-  RolloutSetup wanted = test::setup(planted.perturbation, seed);
+  evidence::RolloutSetup wanted = test::setup(planted.perturbation, seed);
   wanted.perturbation.dose *= planted.times_moderate;
   monitor::FaultClassifier classifier(monitor::fault_rules_of(test::arm()));
   wanted.on_command = [&](const CommandChunk& chunk) { classifier.command(chunk); };
-  wanted.on_shown = [&](const ShownSample& shown) {
+  wanted.on_shown = [&](const evidence::ShownSample& shown) {
     classifier.sample(shown.sensor, shown.sample.sequence, shown.sample.sensed_at,
                       {shown.sample.values, shown.sample.value_count});
   };
@@ -87,4 +87,4 @@ TEST(FaultRecall, ANominalRolloutHasNone) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -11,7 +11,7 @@
 #include "evidence/rollout/rollout.hpp"
 #include "policy_host/engines/load_policy.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr double kBound_m = 0.02;  // as in the panels
@@ -31,20 +31,20 @@ const std::vector<config::Override> kReplace{{"freshness.max_age", "600 ms"},
                                              {"policy.action.join.kind", "replace"}};
 
 // 6 s, the last 2 s are scored.
-RolloutRow run(const config::RobotConfig& robot, Duration inference, std::uint64_t seed) {
+evidence::RolloutRow run(const config::RobotConfig& robot, Duration inference, std::uint64_t seed) {
   const auto policy = policy_host::load_policy(robot);
   if (!policy) throw std::runtime_error(policy.error());
-  RolloutRow row;
-  const auto done = run_rollout({.robot = robot,
-                                 .policy = **policy,
-                                 .policy_hash = *config::policy_hash(robot.policy->file),
-                                 .timing = {.inference = inference, .spread = 0.05},
-                                 .perturbation = {},
-                                 .seed = seed,
-                                 .duration = seconds(6),
-                                 .scored = seconds(2),
-                                 .bound_m = kBound_m},
-                                row);
+  evidence::RolloutRow row;
+  const auto done = evidence::run_rollout({.robot = robot,
+                                           .policy = **policy,
+                                           .policy_hash = *config::policy_hash(robot.policy->file),
+                                           .timing = {.inference = inference, .spread = 0.05},
+                                           .perturbation = {},
+                                           .seed = seed,
+                                           .duration = seconds(6),
+                                           .scored = seconds(2),
+                                           .bound_m = kBound_m},
+                                          row);
   if (!done) throw std::runtime_error(done.error());
   return row;
 }
@@ -54,7 +54,8 @@ class FlowArm : public testing::TestWithParam<const char*> {};
 TEST_P(FlowArm, GoesOnInTheWayThatItBeganHoweverLateItsAnswers) {
   const config::RobotConfig trained = robot_file(GetParam(), kTrained), torn = robot_file(GetParam(), kReplace);
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-    const RolloutRow calm = run(trained, milliseconds(150), seed), pulled = run(torn, milliseconds(150), seed);
+    const evidence::RolloutRow calm = run(trained, milliseconds(150), seed),
+                               pulled = run(torn, milliseconds(150), seed);
     EXPECT_TRUE(calm.success) << calm.failure_label << ", seed " << seed;
     EXPECT_EQ(calm.safety.entered_degraded, 0U);
     EXPECT_GT(pulled.tracking_error_rms_m, 2 * calm.tracking_error_rms_m) << "seed " << seed;
@@ -63,7 +64,7 @@ TEST_P(FlowArm, GoesOnInTheWayThatItBeganHoweverLateItsAnswers) {
 
 TEST_P(FlowArm, RepeatsItselfBitForBit) {
   const config::RobotConfig robot = robot_file(GetParam(), kTrained);
-  const RolloutRow once = run(robot, milliseconds(100), 3);
+  const evidence::RolloutRow once = run(robot, milliseconds(100), 3);
   EXPECT_EQ(run(robot, milliseconds(100), 3).replay_hash, once.replay_hash);
   EXPECT_NE(run(robot, milliseconds(100), 4).replay_hash, once.replay_hash);
 }
@@ -72,4 +73,4 @@ INSTANTIATE_TEST_SUITE_P(Arms, FlowArm, testing::Values("arm6_flow", "arm6_visuo
                          [](const auto& robot) { return std::string(robot.param); });
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -17,7 +17,7 @@
 #include "evidence/rollout/virtual_bus.hpp"
 #include "policy_host/onnx_policy.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 struct Guarded {
@@ -25,13 +25,13 @@ struct Guarded {
   std::map<std::string, int> refusals;  // by joint and verdict
 };
 
-Guarded run(const config::RobotConfig& robot, Task task, const Perturbation& perturbation) {
+Guarded run(const config::RobotConfig& robot, evidence::Task task, const evidence::Perturbation& perturbation) {
   const auto policy = policy_host::load_onnx_policy(robot.policy->file, robot.policy->input, robot.policy->output);
   if (!policy) throw std::runtime_error(policy.error());
-  const auto fallback = load_fallback_host(robot);
+  const auto fallback = evidence::load_fallback_host(robot);
   if (!fallback) throw std::runtime_error(fallback.error());
   Guarded guarded;
-  RolloutRow row;
+  evidence::RolloutRow row;
   const auto look = [&](const TickRecord& record) {
     ++guarded.ticks;
     guarded.enabled_ticks += record.header.drives_enabled;
@@ -42,19 +42,19 @@ Guarded run(const config::RobotConfig& robot, Task task, const Perturbation& per
             .refusals[robot.joints[j].name + " " + std::string(kWireVerdictNames[static_cast<std::size_t>(refused)])];
     }
   };
-  const auto done = run_rollout({.robot = robot,
-                                 .policy = **policy,
-                                 .policy_hash = *config::policy_hash(robot.policy->file),
-                                 .fallback = fallback->get(),
-                                 .task = task,
-                                 .timing = {},
-                                 .perturbation = perturbation,
-                                 .seed = 7,
-                                 .duration = seconds(5),
-                                 .scored = seconds(2),
-                                 .bound_m = 0.02,
-                                 .on_tick = look},
-                                row);
+  const auto done = evidence::run_rollout({.robot = robot,
+                                           .policy = **policy,
+                                           .policy_hash = *config::policy_hash(robot.policy->file),
+                                           .fallback = fallback->get(),
+                                           .task = task,
+                                           .timing = {},
+                                           .perturbation = perturbation,
+                                           .seed = 7,
+                                           .duration = seconds(5),
+                                           .scored = seconds(2),
+                                           .bound_m = 0.02,
+                                           .on_tick = look},
+                                          row);
   if (!done) throw std::runtime_error(done.error());
   return guarded;
 }
@@ -63,10 +63,10 @@ Guarded run(const config::RobotConfig& robot, Task task, const Perturbation& per
 // sees nothing. A joint is told a torque that its record does not say was decided.
 TEST(GuardedBus, ARefusalReachesTheNextTickOnce) {
   const config::RobotConfig robot = config::load("config/arm6.yaml").value();
-  auto plant = plant::Plant::on_free_inertias(robot).value();
+  auto plant = simulation::Plant::on_free_inertias(robot).value();
   const MonoTime start = plant.now();
-  const Disturbance calm({}, start);
-  VirtualBus bus = VirtualBus::make(robot, calm, 1).value();
+  const evidence::Disturbance calm({}, start);
+  evidence::VirtualBus bus = evidence::VirtualBus::make(robot, calm, 1).value();
   const auto output = std::make_unique<pipeline::TickOutput>();
   output->record.header.joint_count = static_cast<std::uint32_t>(robot.joints.size());
   std::uint64_t refusals = 0, enabled = 0;
@@ -100,8 +100,8 @@ class GuardedRollout : public testing::TestWithParam<const char*> {};
 
 TEST_P(GuardedRollout, NothingIsRefused) {
   const config::RobotConfig robot = config::load(std::string("config/") + GetParam() + ".yaml").value();
-  const Task task = task_of(robot);
-  for (const PerturbationKind& kind : perturbation_kinds()) {
+  const evidence::Task task = evidence::task_of(robot);
+  for (const evidence::PerturbationKind& kind : evidence::perturbation_kinds()) {
     const Guarded guarded = run(robot, task, {kind.trouble, kind.most, seconds(2), seconds(1)});
     for (const auto& [what, count] : guarded.refusals) ADD_FAILURE() << kind.name << ": " << what << ", " << count;
     EXPECT_GT(guarded.enabled_ticks, static_cast<std::uint64_t>(seconds(1).ns / robot.control.period.ns))
@@ -119,4 +119,4 @@ INSTANTIATE_TEST_SUITE_P(WithMujoco, GuardedRollout, testing::Values("balancer")
 #endif
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

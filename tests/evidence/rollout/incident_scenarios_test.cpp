@@ -13,7 +13,7 @@
 #include "tests/evidence/rollout/scenario_run.hpp"
 #include "tests/support/files.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using test::arm6;
@@ -100,4 +100,4 @@ TEST(IncidentScenarios, EveryScenarioThatComesWithTaktIsJudged) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

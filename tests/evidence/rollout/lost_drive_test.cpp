@@ -13,7 +13,7 @@
 #include "executive/pipeline/mode_machine.hpp"
 #include "tests/evidence/rollout/scenario_run.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using test::arm6;
@@ -54,7 +54,7 @@ std::vector<double> moved_after_loss(const config::RobotConfig& robot, std::size
 
 TEST(LostDrive, EveryJointThatDoesNotHangOnItHolds) {
   for (const config::RobotConfig* robot : {&arm6(), &dual_arm12()}) {
-    const pipeline::TickConfig config = config::tick_config_of(*robot, 0);
+    const pipeline::TickConfig config = setup::tick_config_of(*robot, 0);
     for (std::size_t lost = 0; lost < robot->joints.size(); ++lost) {
       const std::vector<double> moved = moved_after_loss(*robot, lost);
       for (std::size_t j = 0; j < moved.size(); ++j)
@@ -112,7 +112,7 @@ TEST(WithoutAModel, NoJointFallsInAStopOrAFault) {
       if (stops) run.step(OperatorRequest::stop);
       for (int tick = 0; tick < 3000; ++tick) run.step();
       EXPECT_TRUE(pipeline::is_latched(run.record().header.mode));
-      const pipeline::TickConfig config = config::tick_config_of(*robot, 0);
+      const pipeline::TickConfig config = setup::tick_config_of(*robot, 0);
       const std::vector<double> now = run.positions();
       for (std::size_t j = 0; j < at.size(); ++j)
         EXPECT_TRUE((!stops && hangs_on(config, j, lost)) || std::abs(now[j] - at[j]) <= kSag)
@@ -123,4 +123,4 @@ TEST(WithoutAModel, NoJointFallsInAStopOrAFault) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -15,17 +15,17 @@
 #include "executive/setup/tick_config_of.hpp"
 #include "tests/evidence/rollout/arm_rollouts.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
-RolloutSetup setup_of(Method method, std::string_view perturbation = "none", double dose = 0) {
-  RolloutSetup setup = test::setup(perturbation);
+evidence::RolloutSetup setup_of(evidence::Method method, std::string_view perturbation = "none", double dose = 0) {
+  evidence::RolloutSetup setup = test::setup(perturbation);
   setup.method = method;
   if (dose > 0) setup.perturbation.dose = dose;
   return setup;
 }
 
-std::vector<TickRecordHeader> headers_of(RolloutSetup setup) {
+std::vector<TickRecordHeader> headers_of(evidence::RolloutSetup setup) {
   std::vector<TickRecordHeader> headers;
   setup.on_tick = [&](const TickRecord& record) { headers.push_back(record.header); };
   (void)test::run(setup);
@@ -39,7 +39,7 @@ TEST(PlainMethod, TellsTheDriveTheChunksTargetAndNothingElse) {
   std::map<std::uint64_t, MonoTime> published;
   std::optional<CommandChunk> newest;
   std::size_t compared = 0, moving = 0;
-  RolloutSetup setup = setup_of({BuiltIn::plain}, "policy_freeze", 800);
+  evidence::RolloutSetup setup = setup_of({evidence::BuiltIn::plain}, "policy_freeze", 800);
   setup.on_command = [&](const CommandChunk& chunk) { newest = chunk; };
   setup.on_tick = [&](const TickRecord& record) {
     const TickRecordHeader& header = record.header;
@@ -65,7 +65,7 @@ TEST(PlainMethod, TellsTheDriveTheChunksTargetAndNothingElse) {
     ++compared;
     moving += std::abs(slope) > 0.01 ? 1U : 0U;
   };
-  const RolloutRow row = test::run(setup);
+  const evidence::RolloutRow row = test::run(setup);
   EXPECT_GT(compared, 4000U);
   EXPECT_GT(moving, 1000U);
   EXPECT_EQ(row.safety.entered_degraded + row.safety.entered_damped_stop, 0U);
@@ -74,7 +74,7 @@ TEST(PlainMethod, TellsTheDriveTheChunksTargetAndNothingElse) {
 
 // Targets are not clamped, pursued or refused: what a held step says is told in the tick that it begins in.
 TEST(PlainMethod, AHeldStepGoesOutWhole) {
-  pipeline::TickConfig config = config::tick_config_of(test::arm(), 0, 0);
+  pipeline::TickConfig config = setup::tick_config_of(test::arm(), 0, 0);
   config.interpolation = pipeline::Interpolation::hold;
   CommandChunk chunk;
   chunk.header.step_period = milliseconds(20);
@@ -83,7 +83,7 @@ TEST(PlainMethod, AHeldStepGoesOutWhole) {
   chunk.header.fields = static_cast<std::uint8_t>(CommandField::q);
   chunk.values[0] = 0.5F;
   chunk.values[1] = 99.0F;
-  const auto told = [&](Duration since) { return plain_setpoint(chunk, since, 0, 1.5F, {}, config); };
+  const auto told = [&](Duration since) { return evidence::plain_setpoint(chunk, since, 0, 1.5F, {}, config); };
   EXPECT_EQ(told(microseconds(19'999)).q, 0.5F);
   EXPECT_EQ(told(milliseconds(20)).q, 99.0F);
   EXPECT_EQ(told(seconds(3)).q, 99.0F) << "the last one holds";
@@ -93,16 +93,16 @@ TEST(PlainMethod, AHeldStepGoesOutWhole) {
   JointFeedback said;
   said.q = 0.25F;
   said.dq = -1.0F;
-  const pipeline::JointSetpoint finished = plain_setpoint(chunk, Duration{}, 0, 1.5F, said, config);
+  const pipeline::JointSetpoint finished = evidence::plain_setpoint(chunk, Duration{}, 0, 1.5F, said, config);
   EXPECT_FLOAT_EQ(finished.tau, config.joints[0].kp * 0.25F + config.joints[0].kd + 1.5F);
   EXPECT_EQ(finished.kp, 0.0F);
 }
 
 TEST(PlainMethod, KeepsAHealthyArmOnItsTaskAndObeysThePersonsStop) {
-  const RolloutRow row = test::run(setup_of({BuiltIn::plain}));
+  const evidence::RolloutRow row = test::run(setup_of({evidence::BuiltIn::plain}));
   EXPECT_TRUE(row.success) << row.failure_label;
   EXPECT_EQ(std::accumulate(row.interventions.begin(), row.interventions.end(), std::uint64_t{0}), 0U);
-  const RolloutRow stopped = test::run(setup_of({BuiltIn::plain}, "operator_stop"));
+  const evidence::RolloutRow stopped = test::run(setup_of({evidence::BuiltIn::plain}, "operator_stop"));
   EXPECT_EQ(stopped.failure_label, "operator_stop");
 }
 
@@ -110,7 +110,7 @@ TEST(PlainMethod, KeepsAHealthyArmOnItsTaskAndObeysThePersonsStop) {
 TEST(TimeoutMethod, ReactsWithinATickAndComesBackWithTheNextCommand) {
   std::size_t left = 0, back = 0;
   const TickRecordHeader* before = nullptr;
-  const auto headers = headers_of(setup_of({BuiltIn::timeout}, "policy_freeze", 400));
+  const auto headers = headers_of(setup_of({evidence::BuiltIn::timeout}, "policy_freeze", 400));
   for (const TickRecordHeader& header : headers) {
     if (before != nullptr && before->mode != Mode::arming && header.now > before->now && header.mode != Mode::standby) {
       const bool relies = header.mode == Mode::tracking || header.mode == Mode::degraded;
@@ -133,7 +133,7 @@ TEST(TimeoutMethod, ReactsWithinATickAndComesBackWithTheNextCommand) {
 
 TEST(TimeoutMethod, OfASecondHoldsTheNewestCommandForThatLong) {
   std::optional<Duration> age;
-  for (const TickRecordHeader& header : headers_of(setup_of({BuiltIn::timeout_1s}, "policy_freeze", 2000))) {
+  for (const TickRecordHeader& header : headers_of(setup_of({evidence::BuiltIn::timeout_1s}, "policy_freeze", 2000))) {
     if (header.mode != Mode::degraded) continue;
     age = header.age.total();
     break;
@@ -144,17 +144,17 @@ TEST(TimeoutMethod, OfASecondHoldsTheNewestCommandForThatLong) {
 }
 
 TEST(HoldLastMethod, NeverDegradesNorStops) {
-  const RolloutRow row = test::run(setup_of({BuiltIn::hold_last}, "policy_freeze", 2000));
+  const evidence::RolloutRow row = test::run(setup_of({evidence::BuiltIn::hold_last}, "policy_freeze", 2000));
   EXPECT_EQ(row.safety.entered_degraded + row.safety.entered_damped_stop, 0U);
   EXPECT_EQ(row.final_mode, Mode::tracking);
 }
 
-std::uint64_t marks(const RolloutRow& row, Intervention kind) {
+std::uint64_t marks(const evidence::RolloutRow& row, Intervention kind) {
   return row.interventions[static_cast<std::size_t>(std::countr_zero(static_cast<unsigned>(bit(kind))))];
 }
 
 // The arm with inertias so far apart that the brake's reserve and the barriers act all the time.
-RolloutRow run_strained(std::optional<Protection> without) {
+evidence::RolloutRow run_strained(std::optional<evidence::Protection> without) {
   static const config::RobotConfig robot = [] {
     config::RobotConfig strained = test::arm();
     for (config::Joint& joint : strained.joints) {
@@ -163,7 +163,7 @@ RolloutRow run_strained(std::optional<Protection> without) {
     }
     return strained;
   }();
-  const RolloutSetup arm = setup_of({BuiltIn::takt, without}, "push");
+  const evidence::RolloutSetup arm = setup_of({evidence::BuiltIn::takt, without}, "push");
   return test::run({.robot = robot,
                     .policy = arm.policy,
                     .policy_hash = arm.policy_hash,
@@ -177,24 +177,25 @@ RolloutRow run_strained(std::optional<Protection> without) {
 
 // A protection that is off leaves no mark of its own, and the rollout is another one where it acted.
 TEST(Protections, AreSwitchedOffOneByOne) {
-  const RolloutRow whole = run_strained({});
-  const auto barred = [](const RolloutRow& row) {
+  const evidence::RolloutRow whole = run_strained({});
+  const auto barred = [](const evidence::RolloutRow& row) {
     return marks(row, Intervention::position_barrier) + marks(row, Intervention::velocity_barrier);
   };
   EXPECT_GT(barred(whole), 0U);
   EXPECT_GT(marks(whole, Intervention::brake_reserve), 0U);
-  EXPECT_EQ(barred(run_strained(Protection::barriers)), 0U);
-  EXPECT_EQ(marks(run_strained(Protection::brake_reserve), Intervention::brake_reserve), 0U);
-  for (const Protection one : {Protection::pursuit, Protection::jerk, Protection::ramp, Protection::observer})
+  EXPECT_EQ(barred(run_strained(evidence::Protection::barriers)), 0U);
+  EXPECT_EQ(marks(run_strained(evidence::Protection::brake_reserve), Intervention::brake_reserve), 0U);
+  for (const evidence::Protection one : {evidence::Protection::pursuit, evidence::Protection::jerk,
+                                         evidence::Protection::ramp, evidence::Protection::observer})
     EXPECT_NE(run_strained(one).replay_hash, whole.replay_hash) << static_cast<int>(one);
 }
 
 // What no executive can be told: a robot file's configuration has every protection.
 TEST(Protections, AreAllOnWhateverTheRobotFile) {
-  const pipeline::Without without = config::tick_config_of(test::arm(), 0, 0).without;
+  const pipeline::Without without = setup::tick_config_of(test::arm(), 0, 0).without;
   EXPECT_FALSE(without.pursuit || without.jerk || without.brake_reserve || without.barriers || without.envelope ||
                without.observer);
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -22,12 +22,12 @@
 #include "tests/simulation/arm_as_mjcf.hpp"
 #include "tests/support/shared_files.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 // At most this far apart; the figures are in docs/mujoco.md.
 constexpr double kArmDrift_rad = 1e-6, kBalancerDrift = 1e-3, kG1Drift = 1e-3;
-constexpr WorldProcess::Patience kPatience{seconds(120), {seconds(60), seconds(60)}};
+constexpr evidence::WorldProcess::Patience kPatience{seconds(120), {seconds(60), seconds(60)}};
 
 class MujocoVersions : public testing::Test {
  protected:
@@ -64,7 +64,7 @@ class MujocoVersions : public testing::Test {
 };
 
 // Each joint to its home, and a tenth of a radian around it in a second, as far as its torque goes.
-Eigen::VectorXd torque_of(const config::RobotConfig& robot, const plant::ArmState& state, double time_s) {
+Eigen::VectorXd torque_of(const config::RobotConfig& robot, const simulation::ArmState& state, double time_s) {
   Eigen::VectorXd torque(state.q.size());
   for (std::size_t j = 0; j < robot.joints.size(); ++j) {
     const auto i = static_cast<Eigen::Index>(j);
@@ -82,13 +82,13 @@ struct Drift {
 };
 
 Drift drift_of(const config::RobotConfig& robot, Duration horizon, const std::string& command) {
-  WorldProcess world(command, kPatience);
+  evidence::WorldProcess world(command, kPatience);
   auto there = world.begin(robot, 1);
   if (!there) throw std::runtime_error(there.error().sentence);
-  const auto here = plant::make_mechanics(robot).value();
-  plant::ArmState a = (*there)->begin(), b = a;
-  const plant::ArmState began = a;
-  const std::vector<plant::Friction> friction(robot.joints.size(), {robot.simulation->viscous, 0});
+  const auto here = simulation::make_mechanics(robot).value();
+  simulation::ArmState a = (*there)->begin(), b = a;
+  const simulation::ArmState began = a;
+  const std::vector<simulation::Friction> friction(robot.joints.size(), {robot.simulation->viscous, 0});
   Drift most;
   for (Duration at; at < horizon; at = at + robot.simulation->step) {
     here->integrate(a, torque_of(robot, a, at.seconds()), friction, robot.simulation->step);
@@ -139,24 +139,24 @@ TEST_F(MujocoVersions, ThePublishedHumanoidDriftsLittle) {
 void expect_task_done_in_both(const config::RobotConfig& robot, const std::string& command) {
   const auto policy =
       policy_host::load_onnx_policy(robot.policy->file, robot.policy->input, robot.policy->output).value();
-  const auto fallback = load_fallback_host(robot).value();
-  WorldProcess world(command, kPatience);
-  RolloutSetup setup{.robot = robot,
-                     .policy = *policy,
-                     .policy_hash = 1,
-                     .fallback = fallback.get(),
-                     .task = Task::base_velocity,
-                     .timing = {.inference = milliseconds(2)},
-                     .perturbation = {},
-                     .seed = 1,
-                     .duration = seconds(8),
-                     .scored = seconds(2),
-                     .bound_m = 0.3};
+  const auto fallback = evidence::load_fallback_host(robot).value();
+  evidence::WorldProcess world(command, kPatience);
+  evidence::RolloutSetup setup{.robot = robot,
+                               .policy = *policy,
+                               .policy_hash = 1,
+                               .fallback = fallback.get(),
+                               .task = evidence::Task::base_velocity,
+                               .timing = {.inference = milliseconds(2)},
+                               .perturbation = {},
+                               .seed = 1,
+                               .duration = seconds(8),
+                               .scored = seconds(2),
+                               .bound_m = 0.3};
   double error_m[2] = {};
   for (const bool outside : {false, true}) {
     setup.world = outside ? &world : nullptr;
-    RolloutRow row;
-    const auto done = run_rollout(setup, row);
+    evidence::RolloutRow row;
+    const auto done = evidence::run_rollout(setup, row);
     ASSERT_TRUE(done) << done.error();
     EXPECT_TRUE(row.success) << (outside ? "npm's: " : "in process: ") << row.failure_label;
     error_m[outside ? 1 : 0] = row.tracking_error_rms_m;
@@ -178,4 +178,4 @@ TEST_F(MujocoVersions, ThePublishedHumanoidWalksInBoth) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -13,7 +13,7 @@
 #include "evidence/rollout/rollout.hpp"
 #include "policy_host/onnx_policy.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr double kMostTouched = 0.01;  // of the joint-ticks
@@ -50,19 +50,20 @@ TEST_P(NominalLimits, AreTouchedInOnePercentOfJointTicksAtMost) {
   ASSERT_TRUE(policy.has_value()) << policy.error();
   Touched touched{.ramp = robot->degraded.resume_over, .tracking_since = {}};
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-    RolloutRow row;
+    evidence::RolloutRow row;
     touched.tracking_since = {};
-    const auto done = run_rollout({.robot = *robot,
-                                   .policy = **policy,
-                                   .policy_hash = *config::policy_hash(robot->policy->file),
-                                   .timing = {},
-                                   .perturbation = {find_perturbation("none")->trouble, 0, seconds(1), seconds(1)},
-                                   .seed = seed,
-                                   .duration = seconds(8),
-                                   .scored = seconds(3),
-                                   .bound_m = 0.02,
-                                   .on_tick = [&](const TickRecord& record) { touched.tick(record); }},
-                                  row);
+    const auto done = evidence::run_rollout(
+        {.robot = *robot,
+         .policy = **policy,
+         .policy_hash = *config::policy_hash(robot->policy->file),
+         .timing = {},
+         .perturbation = {evidence::find_perturbation("none")->trouble, 0, seconds(1), seconds(1)},
+         .seed = seed,
+         .duration = seconds(8),
+         .scored = seconds(3),
+         .bound_m = 0.02,
+         .on_tick = [&](const TickRecord& record) { touched.tick(record); }},
+        row);
     ASSERT_TRUE(done.has_value()) << done.error();
   }
   ASSERT_GT(touched.ticks, 10'000U);
@@ -76,4 +77,4 @@ INSTANTIATE_TEST_SUITE_P(Demos, NominalLimits, testing::Values("arm6", "dual_arm
                          [](const auto& one) { return std::string(one.param); });
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -12,18 +12,18 @@
 #include "executive/pipeline/freshness.hpp"
 #include "tests/evidence/rollout/arm_rollouts.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 struct Story {
-  RolloutRow row;
+  evidence::RolloutRow row;
   std::vector<TickRecordHeader> requests;  // ticks with one
   std::vector<Freshness> before;           // of the tick before each
   std::optional<MonoTime> stopped_at;      // the first stop
 };
 
 Story story_of(std::optional<Duration> rearm_after, std::string_view perturbation, double dose_factor = 1) {
-  RolloutSetup wanted = test::setup(perturbation);
+  evidence::RolloutSetup wanted = test::setup(perturbation);
   wanted.duration = seconds(8);
   wanted.scored = seconds(2);
   wanted.perturbation.dose *= dose_factor;
@@ -88,4 +88,4 @@ TEST(Operator, HasNothingToDoInANominalRollout) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -16,13 +16,13 @@
 #include "tests/evidence/rollout/arm_rollouts.hpp"
 #include "tests/simulation/forked_world.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using takt::test::ForkedWorld;
 using testing::HasSubstr;
-constexpr plant::WorldProcess::Patience kPatience{seconds(60), {seconds(60), seconds(60)}};
-constexpr plant::WorldProcess::Patience kImpatience{seconds(60), {seconds(60), milliseconds(500)}};
+constexpr simulation::WorldProcess::Patience kPatience{seconds(60), {seconds(60), seconds(60)}};
+constexpr simulation::WorldProcess::Patience kImpatience{seconds(60), {seconds(60), milliseconds(500)}};
 constexpr std::uint32_t kEverything = TAKT_WORLD_POINT | TAKT_WORLD_BASE | TAKT_WORLD_IMU | TAKT_WORLD_PUSH;
 
 // What the robot file describes, as another process: one simulation after the other. `spoil` has the last word on every
@@ -36,11 +36,11 @@ class RobotFilesWorld {
   void answer(const takt_world& world, takt_world_state& state) {
     const std::size_t count = robot_.joints.size();
     if (world.kind == TAKT_WORLD_RESET) {
-      mechanics_ = plant::make_mechanics(robot_).value();
+      mechanics_ = simulation::make_mechanics(robot_).value();
       now_ = {Eigen::Map<const Eigen::VectorXd>(world.reset.q, static_cast<Eigen::Index>(count)),
               Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count))};
     } else {
-      std::vector<plant::Friction> friction(count);
+      std::vector<simulation::Friction> friction(count);
       for (std::size_t i = 0; i < count; ++i) friction[i] = {world.step.viscous[i], world.step.coulomb[i]};
       mechanics_->hoist(world.step.hangs != 0);
       mechanics_->push(std::to_array(world.step.push), {});
@@ -65,8 +65,8 @@ class RobotFilesWorld {
 
  private:
   const config::RobotConfig& robot_;
-  std::unique_ptr<plant::Mechanics> mechanics_;
-  plant::ArmState now_;
+  std::unique_ptr<simulation::Mechanics> mechanics_;
+  simulation::ArmState now_;
 };
 
 void play(const std::string& path, const config::RobotConfig& robot, std::uint32_t gives, const Spoil& spoil) {
@@ -90,16 +90,16 @@ struct Balancer {
   config::RobotConfig robot = config::load("config/balancer.yaml").value();
   std::unique_ptr<policy_host::Policy> policy =
       policy_host::load_onnx_policy(robot.policy->file, "obs", "actions").value();
-  std::unique_ptr<FallbackHost> fallback = std::move(load_fallback_host(robot).value());
+  std::unique_ptr<evidence::FallbackHost> fallback = std::move(evidence::load_fallback_host(robot).value());
 
-  RolloutSetup setup(std::string_view perturbation, double dose) {
+  evidence::RolloutSetup setup(std::string_view perturbation, double dose) {
     return {.robot = robot,
             .policy = *policy,
             .policy_hash = 1,
             .fallback = fallback.get(),
-            .task = Task::base_velocity,
+            .task = evidence::Task::base_velocity,
             .timing = {},
-            .perturbation = {find_perturbation(perturbation)->trouble, dose, seconds(4), seconds(2)},
+            .perturbation = {evidence::find_perturbation(perturbation)->trouble, dose, seconds(4), seconds(2)},
             .seed = 5,
             .duration = seconds(8),
             .scored = seconds(2),
@@ -107,11 +107,11 @@ struct Balancer {
   }
 };
 
-void expect_same(RolloutSetup setup, WorldProcess& world) {
+void expect_same(evidence::RolloutSetup setup, evidence::WorldProcess& world) {
   setup.world = nullptr;
-  const RolloutRow inside = test::run(setup);
+  const evidence::RolloutRow inside = test::run(setup);
   setup.world = &world;
-  const RolloutRow outside = test::run(setup), again = test::run(setup);
+  const evidence::RolloutRow outside = test::run(setup), again = test::run(setup);
   EXPECT_TRUE(inside.success) << inside.failure_label;
   EXPECT_EQ(inside.replay_hash, outside.replay_hash);
   EXPECT_EQ(inside.tracking_error_rms_m, outside.tracking_error_rms_m);
@@ -120,7 +120,7 @@ void expect_same(RolloutSetup setup, WorldProcess& world) {
 
 TEST(OutsideWorldRollout, TheArmInAnotherProcessIsTheSameRolloutBitForBit) {
   const ForkedWorld process([](const std::string& path) { play(path, test::arm(), TAKT_WORLD_POINT, {}); });
-  WorldProcess world(process.path(), kPatience);
+  evidence::WorldProcess world(process.path(), kPatience);
   expect_same(test::setup(), world);
 }
 
@@ -128,7 +128,7 @@ TEST(OutsideWorldRollout, TheArmInAnotherProcessIsTheSameRolloutBitForBit) {
 TEST(OutsideWorldRollout, MujocoInAnotherProcessIsTheSameRolloutBitForBit) {
   Balancer balancer;
   const ForkedWorld process([&](const std::string& path) { play(path, balancer.robot, kEverything, {}); });
-  WorldProcess world(process.path(), kPatience);
+  evidence::WorldProcess world(process.path(), kPatience);
   expect_same(balancer.setup("none", 0), world);
   expect_same(balancer.setup("push", 20), world);
 }
@@ -142,11 +142,11 @@ TEST(OutsideWorldRollout, WhatAWorldDoesNotGiveIsRefused) {
   };
   for (const auto& [gives, says] : missing) {
     const ForkedWorld process([&](const std::string& path) { play(path, balancer.robot, gives, {}); });
-    WorldProcess world(process.path(), kPatience);
-    RolloutSetup setup = balancer.setup("push", 20);
+    evidence::WorldProcess world(process.path(), kPatience);
+    evidence::RolloutSetup setup = balancer.setup("push", 20);
     setup.world = &world;
-    RolloutRow row;
-    const auto done = run_rollout(setup, row);
+    evidence::RolloutRow row;
+    const auto done = evidence::run_rollout(setup, row);
     ASSERT_FALSE(done);
     EXPECT_THAT(done.error(), HasSubstr(says));
   }
@@ -198,12 +198,12 @@ TEST(OutsideWorldRollout, HowAWorldEndsIsHowTheRolloutEnds) {
   };
   for (const End& end : ends) {
     const ForkedWorld process([&](const std::string& path) { play(path, test::arm(), TAKT_WORLD_POINT, end.how); });
-    WorldProcess world(process.path(), kImpatience);
-    RolloutSetup setup = test::setup();
+    evidence::WorldProcess world(process.path(), kImpatience);
+    evidence::RolloutSetup setup = test::setup();
     std::string sentence;
     setup.world = &world;
-    setup.on_world_end = [&](const plant::WorldEnd& ended) { sentence = ended.sentence; };
-    const RolloutRow row = test::run(setup);
+    setup.on_world_end = [&](const simulation::WorldEnd& ended) { sentence = ended.sentence; };
+    const evidence::RolloutRow row = test::run(setup);
     EXPECT_EQ(row.failure_label, end.label) << end.when;
     EXPECT_EQ(row.success, row.failure_label.empty()) << end.when;
     EXPECT_THAT(sentence, HasSubstr(end.says)) << end.when;
@@ -213,30 +213,32 @@ TEST(OutsideWorldRollout, HowAWorldEndsIsHowTheRolloutEnds) {
 }
 
 TEST(OutsideWorldRollout, WithoutAWorldThereIsNoRow) {
-  WorldProcess nowhere("/tmp/takt-no-such-world.sock", {seconds(1), {milliseconds(50), milliseconds(50)}});
-  RolloutSetup setup = test::setup();
+  evidence::WorldProcess nowhere("/tmp/takt-no-such-world.sock", {seconds(1), {milliseconds(50), milliseconds(50)}});
+  evidence::RolloutSetup setup = test::setup();
   setup.world = &nowhere;
-  RolloutRow row;
-  const auto done = run_rollout(setup, row);
+  evidence::RolloutRow row;
+  const auto done = evidence::run_rollout(setup, row);
   ASSERT_FALSE(done);
   EXPECT_THAT(done.error(), HasSubstr("start the world first"));
-  WorldProcess broken("exit 3 # {}", kPatience);
+  evidence::WorldProcess broken("exit 3 # {}", kPatience);
   setup.world = &broken;
-  const auto ended = run_rollout(setup, row);
+  const auto ended = evidence::run_rollout(setup, row);
   ASSERT_FALSE(ended);
   EXPECT_THAT(ended.error(), HasSubstr("world `exit 3 # {}`: exited with 3 before it listened"));
 }
 
 TEST(OutsideWorldRollout, ItsOwnTaskNeedsAWorldThatPlaysThePolicysSensors) {
-  RolloutSetup setup = test::setup();
-  setup.task = Task::world;
-  RolloutRow row;
-  EXPECT_THAT(run_rollout(setup, row).error(), HasSubstr("needs sensor target, which the simulator does not play"));
+  evidence::RolloutSetup setup = test::setup();
+  setup.task = evidence::Task::world;
+  evidence::RolloutRow row;
+  EXPECT_THAT(evidence::run_rollout(setup, row).error(),
+              HasSubstr("needs sensor target, which the simulator does not play"));
   const ForkedWorld process([](const std::string& path) { play(path, test::arm(), TAKT_WORLD_ERROR, {}); });
-  WorldProcess world(process.path(), kPatience);
-  EXPECT_EQ(task_of(test::arm(), &world).value(), Task::world);
+  evidence::WorldProcess world(process.path(), kPatience);
+  EXPECT_EQ(evidence::task_of(test::arm(), &world).value(), evidence::Task::world);
   setup.world = &world;
-  EXPECT_THAT(run_rollout(setup, row).error(), HasSubstr("needs sensor target, which world forked does not play"));
+  EXPECT_THAT(evidence::run_rollout(setup, row).error(),
+              HasSubstr("needs sensor target, which world forked does not play"));
 }
 
 // Keeps the last three numbers that it is shown: a command's.
@@ -266,17 +268,17 @@ TEST(OutsideWorldRollout, ASampleOfOneSensorIsNoCommandOfAsManyValues) {
   term.kind = config::TermKind::command;
   term.sensor = "wish";
   Listener listener(robot);
-  RolloutSetup setup = test::setup();
-  const RolloutSetup heard{.robot = robot,
-                           .policy = listener,
-                           .timing = {},
-                           .perturbation = {},
-                           .duration = setup.duration,
-                           .scored = setup.scored,
-                           .bound_m = setup.bound_m};
+  evidence::RolloutSetup setup = test::setup();
+  const evidence::RolloutSetup heard{.robot = robot,
+                                     .policy = listener,
+                                     .timing = {},
+                                     .perturbation = {},
+                                     .duration = setup.duration,
+                                     .scored = setup.scored,
+                                     .bound_m = setup.bound_m};
   (void)test::run(heard);
   EXPECT_EQ(listener.heard, (std::set<std::vector<float>>{{4, 5, 6}})) << "nobody says anything, and the camera sees";
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

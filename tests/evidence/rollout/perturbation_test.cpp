@@ -12,13 +12,13 @@
 
 #include "tests/evidence/rollout/arm_rollouts.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr MonoTime kWindow{1'002'000'000'000};  // start of the window of test::setup()
 
 struct Seen {
-  RolloutRow row;
+  evidence::RolloutRow row;
   std::vector<std::vector<char>> before;  // every record before the window
   std::uint64_t replies = 0;              // of the first joint
   Duration oldest_feedback, latest_wake;
@@ -46,7 +46,7 @@ Seen watch(std::string_view perturbation) {
   Seen seen;
   std::uint8_t replies = 0;
   int silent = 0;
-  RolloutSetup wanted = test::setup(perturbation);
+  evidence::RolloutSetup wanted = test::setup(perturbation);
   wanted.on_tick = [&](const TickRecord& record) { look(seen, record, replies, silent); };
   seen.row = test::run(wanted);
   return seen;
@@ -63,7 +63,7 @@ struct Claim {
   bool (*holds)(const Seen& with, const Seen& without);
 };
 
-double p99(const AgeQuantiles& age) {
+double p99(const evidence::AgeQuantiles& age) {
   return age.p99_ms.value_or(0);
 }
 
@@ -201,17 +201,17 @@ INSTANTIATE_TEST_SUITE_P(Panel, EveryPerturbation, testing::ValuesIn(kClaims),
 // 2 s to 4 s and a policy that stands still at 3 s; until then lost frames alone give the same ticks, and each alone
 // gives others.
 TEST(Perturbation, WhatActsBesidesHasAWindowOfItsOwn) {
-  const Perturbation losses{Trouble::can_loss, 0.1, seconds(2), seconds(2)},
-      freeze{Trouble::policy_freeze, 400, seconds(3), seconds(1)};
+  const evidence::Perturbation losses{evidence::Trouble::can_loss, 0.1, seconds(2), seconds(2)},
+      freeze{evidence::Trouble::policy_freeze, 400, seconds(3), seconds(1)};
   const MonoTime frozen = kWindow + seconds(1);
   struct Ran {
-    RolloutRow row;
+    evidence::RolloutRow row;
     std::vector<std::vector<char>> before;        // records before the freeze
     int frozen_commands = 0, later_commands = 0;  // published while it lasts; after it, while frames are lost
   };
-  const auto ran = [&](const Perturbation& perturbation, const Perturbation* besides) {
+  const auto ran = [&](const evidence::Perturbation& perturbation, const evidence::Perturbation* besides) {
     Ran seen;
-    RolloutSetup wanted = test::setup();
+    evidence::RolloutSetup wanted = test::setup();
     wanted.perturbation = perturbation;
     if (besides != nullptr) wanted.perturbation.with = {*besides};
     wanted.on_tick = [&](const TickRecord& record) {
@@ -239,27 +239,28 @@ TEST(Perturbation, WhatActsBesidesHasAWindowOfItsOwn) {
 // Goal: windows and bodies belong to their trouble, and the whole lasts from the first to the last. Method: three at
 // once.
 TEST(Perturbation, EachTroubleKeepsItsOwnInstants) {
-  Perturbation three{Trouble::push, 30, seconds(3), seconds(2), {}, "torso"};
-  three.with = {{Trouble::can_delay, 4, seconds(2), seconds(4)}, {Trouble::bus_off, 500, seconds(1), seconds(9)}};
+  evidence::Perturbation three{evidence::Trouble::push, 30, seconds(3), seconds(2), {}, "torso"};
+  three.with = {{evidence::Trouble::can_delay, 4, seconds(2), seconds(4)},
+                {evidence::Trouble::bus_off, 500, seconds(1), seconds(9)}};
   const MonoTime start{1'000'000'000};
-  const Disturbance seen(three, start);
-  EXPECT_FALSE(seen.has(Trouble::none));
-  EXPECT_FALSE(seen.has(Trouble::payload));
-  EXPECT_EQ(seen.body(Trouble::push), "torso");
-  EXPECT_EQ(seen.body(Trouble::payload), "");
-  EXPECT_EQ(seen.dose(Trouble::push, start + milliseconds(2999)), 0);
-  EXPECT_EQ(seen.dose(Trouble::push, start + seconds(3)), 30);
-  EXPECT_EQ(seen.turn(Trouble::push, start + milliseconds(4500)), 2);
-  EXPECT_EQ(seen.dose(Trouble::bus_off, start + milliseconds(1499)), 500);
-  EXPECT_EQ(seen.dose(Trouble::bus_off, start + milliseconds(1500)), 0) << "as long as its dose";
-  EXPECT_EQ(seen.delay(Trouble::can_delay, start + seconds(5)), milliseconds(4));
-  EXPECT_EQ(seen.dose(Trouble::payload, start + seconds(3)), 0);
+  const evidence::Disturbance seen(three, start);
+  EXPECT_FALSE(seen.has(evidence::Trouble::none));
+  EXPECT_FALSE(seen.has(evidence::Trouble::payload));
+  EXPECT_EQ(seen.body(evidence::Trouble::push), "torso");
+  EXPECT_EQ(seen.body(evidence::Trouble::payload), "");
+  EXPECT_EQ(seen.dose(evidence::Trouble::push, start + milliseconds(2999)), 0);
+  EXPECT_EQ(seen.dose(evidence::Trouble::push, start + seconds(3)), 30);
+  EXPECT_EQ(seen.turn(evidence::Trouble::push, start + milliseconds(4500)), 2);
+  EXPECT_EQ(seen.dose(evidence::Trouble::bus_off, start + milliseconds(1499)), 500);
+  EXPECT_EQ(seen.dose(evidence::Trouble::bus_off, start + milliseconds(1500)), 0) << "as long as its dose";
+  EXPECT_EQ(seen.delay(evidence::Trouble::can_delay, start + seconds(5)), milliseconds(4));
+  EXPECT_EQ(seen.dose(evidence::Trouble::payload, start + seconds(3)), 0);
   EXPECT_EQ(seen.begins(), start + seconds(1));
   EXPECT_EQ(seen.ends(), start + seconds(6));
 }
 
 TEST(Perturbation, EveryRowOfTheTableHasAClaim) {
-  for (const PerturbationKind& kind : perturbation_kinds().subspan(1)) {
+  for (const evidence::PerturbationKind& kind : evidence::perturbation_kinds().subspan(1)) {
     EXPECT_EQ(
         std::ranges::count(kClaims, kind.name, [](const Claim& claim) { return std::string_view(claim.perturbation); }),
         1)
@@ -269,4 +270,4 @@ TEST(Perturbation, EveryRowOfTheTableHasAClaim) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

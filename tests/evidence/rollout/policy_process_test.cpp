@@ -16,48 +16,48 @@
 #include "lab/panel/worker_pool.hpp"
 #include "tests/evidence/rollout/arm_rollouts.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using testing::AllOf;
 using testing::HasSubstr;
-constexpr PolicyProcess::Patience kPatience{seconds(60), seconds(60)};
+constexpr evidence::PolicyProcess::Patience kPatience{seconds(60), seconds(60)};
 
 std::string program(const std::string& what, int number = 0) {
   return std::string(TAKT_CLIENT_POLICY) + " " + what + " " + std::to_string(number);
 }
 
 struct Rolled {
-  RolloutRow row;
+  evidence::RolloutRow row;
   std::string silence;
   std::uint64_t played = 0;  // ticks in which a command was in use
   std::uint64_t oldest_ms = 0;
 };
 
-Rolled roll(PolicyProcess& policy, std::string_view perturbation = "none", std::uint64_t seed = 1) {
-  const RolloutSetup like = test::setup(perturbation, seed);
+Rolled roll(evidence::PolicyProcess& policy, std::string_view perturbation = "none", std::uint64_t seed = 1) {
+  const evidence::RolloutSetup like = test::setup(perturbation, seed);
   Rolled rolled;
-  const RolloutSetup setup{.robot = like.robot,
-                           .policy = policy,
-                           .policy_hash = like.policy_hash,
-                           .timing = {},
-                           .perturbation = like.perturbation,
-                           .seed = seed,
-                           .duration = like.duration,
-                           .scored = like.scored,
-                           .bound_m = 10,
-                           .on_tick =
-                               [&](const TickRecord& record) {
-                                 if (record.header.mode != Mode::tracking) return;
-                                 ++rolled.played;
-                               },
-                           .on_silence = [&](const std::string& why) { rolled.silence = why; }};
-  if (const auto done = run_rollout(setup, rolled.row); !done) throw std::runtime_error(done.error());
+  const evidence::RolloutSetup setup{.robot = like.robot,
+                                     .policy = policy,
+                                     .policy_hash = like.policy_hash,
+                                     .timing = {},
+                                     .perturbation = like.perturbation,
+                                     .seed = seed,
+                                     .duration = like.duration,
+                                     .scored = like.scored,
+                                     .bound_m = 10,
+                                     .on_tick =
+                                         [&](const TickRecord& record) {
+                                           if (record.header.mode != Mode::tracking) return;
+                                           ++rolled.played;
+                                         },
+                                     .on_silence = [&](const std::string& why) { rolled.silence = why; }};
+  if (const auto done = evidence::run_rollout(setup, rolled.row); !done) throw std::runtime_error(done.error());
   return rolled;
 }
 
 TEST(PolicyProcess, RollsOutTheSameEveryTimeInOneProcessAndInAnother) {
-  PolicyProcess policy(program("sways"), kPatience), another(program("sways"), kPatience);
+  evidence::PolicyProcess policy(program("sways"), kPatience), another(program("sways"), kPatience);
   const Rolled first = roll(policy), second = roll(policy), other = roll(another);
   EXPECT_EQ(first.silence, "");
   EXPECT_EQ(first.row.final_mode, Mode::tracking);
@@ -71,7 +71,7 @@ TEST(PolicyProcess, RollsOutTheSameEveryTimeInOneProcessAndInAnother) {
 }
 
 TEST(PolicyProcess, PerturbationsReachItAsTheyReachANetwork) {
-  PolicyProcess policy(program("sways"), kPatience);
+  evidence::PolicyProcess policy(program("sways"), kPatience);
   const Rolled frozen = roll(policy, "policy_freeze");
   EXPECT_GT(frozen.row.safety.entered_degraded, 0U);
   const Rolled crashed = roll(policy, "policy_crash"), again = roll(policy, "policy_crash");
@@ -81,26 +81,26 @@ TEST(PolicyProcess, PerturbationsReachItAsTheyReachANetwork) {
 }
 
 TEST(PolicyProcess, WhoHasNoAnswerHasNone) {
-  PolicyProcess policy(program("skips", 3), kPatience);
+  evidence::PolicyProcess policy(program("skips", 3), kPatience);
   const Rolled some = roll(policy), again = roll(policy);
   EXPECT_EQ(some.silence, "");
   EXPECT_EQ(some.row.final_mode, Mode::tracking) << "two answers of three are enough";
   EXPECT_EQ(some.row.replay_hash, again.row.replay_hash);
-  PolicyProcess never(program("skips", 1), kPatience);
+  evidence::PolicyProcess never(program("skips", 1), kPatience);
   const Rolled none = roll(never);
   EXPECT_EQ(none.silence, "") << "saying nothing is no hanging";
   EXPECT_EQ(none.played, 0U);
 }
 
 TEST(PolicyProcess, OneThatEndsOrHangsIsSilentFromThenOnAndStartedAnewForTheNext) {
-  PolicyProcess ends(program("exits", 100), kPatience);
+  evidence::PolicyProcess ends(program("exits", 100), kPatience);
   const Rolled ended = roll(ends);
   EXPECT_THAT(ended.silence, AllOf(HasSubstr("exited with 3"), HasSubstr("in the middle of a rollout")));
   EXPECT_GT(ended.row.safety.entered_damped_stop, 0U);
   EXPECT_GT(ended.played, 0U);
   EXPECT_EQ(roll(ends).row.replay_hash, ended.row.replay_hash);
 
-  PolicyProcess hangs(program("hangs", 100), {seconds(60), milliseconds(300)});
+  evidence::PolicyProcess hangs(program("hangs", 100), {seconds(60), milliseconds(300)});
   const Rolled hung = roll(hangs);
   EXPECT_THAT(hung.silence, HasSubstr("did not answer an observation"));
   EXPECT_EQ(hung.row.replay_hash, ended.row.replay_hash) << "to the robot it is the same";
@@ -108,13 +108,13 @@ TEST(PolicyProcess, OneThatEndsOrHangsIsSilentFromThenOnAndStartedAnewForTheNext
 
 TEST(PolicyProcess, OneThatDoesNotFitIsRefusedBeforeAnythingRolls) {
   const auto why = [](const std::string& command) {
-    PolicyProcess policy(command, kPatience);
+    evidence::PolicyProcess policy(command, kPatience);
     const auto begun = policy.begin(test::arm(), test::setup().policy_hash);
     return begun ? std::string("taken") : begun.error();
   };
   EXPECT_THAT(why(program("steps", 12)), HasSubstr("exited with 65 before it took the policy's place"));
   EXPECT_THAT(why("/no/such/program"), HasSubstr("exited with 127"));
-  PolicyProcess host(TAKT_POLICY_HOST, {seconds(2), seconds(2)});
+  evidence::PolicyProcess host(TAKT_POLICY_HOST, {seconds(2), seconds(2)});
   EXPECT_FALSE(host.begin(test::arm(), test::setup().policy_hash)) << "takt-policy-host knows no virtual time";
 }
 
@@ -124,8 +124,8 @@ TEST(PolicyProcess, IsBehindTheBoundaryAndLeavesNoProcess) {
       std::filesystem::path(testing::TempDir()) / ("takt-touched." + std::to_string(getpid()));
   const std::string mark = "4321" + std::to_string(getpid());
   const auto leaves = [&](const policy_host::Grants& grants) {
-    PolicyProcess policy("touch " + file.string() + "; setsid -f sleep " + mark + "; " + program("sways"), kPatience,
-                         grants);
+    evidence::PolicyProcess policy("touch " + file.string() + "; setsid -f sleep " + mark + "; " + program("sways"),
+                                   kPatience, grants);
     const auto begun = policy.begin(test::arm(), test::setup().policy_hash);
     EXPECT_TRUE(begun) << begun.error();
     return std::filesystem::remove(file);
@@ -176,4 +176,4 @@ TEST(PolicyProcess, APanelIsRefusedWhereTheProgramDoesNotTakeTheRobot) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -11,7 +11,7 @@
 #include "config/document.hpp"
 #include "simulation/model_survey.hpp"
 
-namespace takt::panel::test {
+namespace takt::lab::test {
 
 inline const std::string kG1Model = "../shared/robots/g1/g1_29dof.xml", kG1Policy = "../shared/policies/g1_velocity/";
 
@@ -30,11 +30,11 @@ inline void import_g1(const std::string& robot_file, const Published& from = kG1
                                                          .policy_file = std::filesystem::absolute(from.network),
                                                          .joint_names = {},
                                                          .source = "deploy.yaml",
-                                                         .model = plant::survey_model(kG1Model).value(),
+                                                         .model = simulation::survey_model(kG1Model).value(),
                                                          .model_file = std::filesystem::absolute(kG1Model),
                                                          .simulated = true});
   if (!text) throw std::runtime_error(text.error());
   std::ofstream(robot_file) << *text;
 }
 
-}  // namespace takt::panel::test
+}  // namespace takt::lab::test

@@ -15,7 +15,7 @@
 #include "policy_host/host_faults.hpp"
 #include "simulation/scenario.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 class RealPerturbation : public ::testing::Test {
@@ -25,11 +25,11 @@ class RealPerturbation : public ::testing::Test {
     ASSERT_TRUE(robot.has_value()) << robot.error();
     robot_ = std::move(*robot);
   }
-  static Perturbation moderate(const PerturbationKind& kind) {
+  static evidence::Perturbation moderate(const evidence::PerturbationKind& kind) {
     return {kind.trouble, kind.moderate, seconds(3), seconds(2)};
   }
-  std::vector<cli::Event> events_of(const Perturbation& perturbation, std::uint64_t seed = 1) {
-    const auto trouble = real_trouble_of(perturbation, robot_, seed);
+  std::vector<cli::Event> events_of(const evidence::Perturbation& perturbation, std::uint64_t seed = 1) {
+    const auto trouble = evidence::real_trouble_of(perturbation, robot_, seed);
     EXPECT_TRUE(trouble.has_value()) << trouble.error();
     const auto events = cli::parse_scenario(trouble->actions);
     EXPECT_TRUE(events.has_value()) << events.error();
@@ -39,14 +39,14 @@ class RealPerturbation : public ::testing::Test {
 };
 
 // Those that a machine cannot do to a robot, or not every machine.
-bool is_refused(Trouble trouble) {
-  return trouble == Trouble::estimator_delay || trouble == Trouble::gpu_contention;
+bool is_refused(evidence::Trouble trouble) {
+  return trouble == evidence::Trouble::estimator_delay || trouble == evidence::Trouble::gpu_contention;
 }
 
 TEST_F(RealPerturbation, EveryMechanismIsUnderstoodAndActsInsideItsWindow) {
-  for (const PerturbationKind& kind : perturbation_kinds().subspan(1)) {
+  for (const evidence::PerturbationKind& kind : evidence::perturbation_kinds().subspan(1)) {
     if (is_refused(kind.trouble)) continue;
-    const auto trouble = real_trouble_of(moderate(kind), robot_, 1);
+    const auto trouble = evidence::real_trouble_of(moderate(kind), robot_, 1);
     ASSERT_TRUE(trouble.has_value()) << kind.name << ": " << trouble.error();
     EXPECT_EQ(!trouble->actions.empty() + !trouble->plant_scenario.empty() + !trouble->policy_faults.empty(), 1)
         << kind.name;
@@ -61,9 +61,9 @@ TEST_F(RealPerturbation, EveryMechanismIsUnderstoodAndActsInsideItsWindow) {
       EXPECT_EQ(fault.length, seconds(2)) << kind.name;
     }
     if (trouble->plant_scenario.empty()) continue;
-    const auto scenario = plant::parse_scenario(trouble->plant_scenario, std::string(kind.name), robot_);
+    const auto scenario = simulation::parse_scenario(trouble->plant_scenario, std::string(kind.name), robot_);
     ASSERT_TRUE(scenario.has_value()) << scenario.error();
-    for (const plant::FaultEvent& event : scenario->events) {
+    for (const simulation::FaultEvent& event : scenario->events) {
       EXPECT_GE(event.at, seconds(3)) << kind.name;
       EXPECT_LT(event.at, seconds(5)) << kind.name;
       EXPECT_TRUE(event.after_enabled) << kind.name;
@@ -73,9 +73,9 @@ TEST_F(RealPerturbation, EveryMechanismIsUnderstoodAndActsInsideItsWindow) {
 }
 
 TEST_F(RealPerturbation, WhatHasNoMechanismIsRefusedByName) {
-  for (const PerturbationKind& kind : perturbation_kinds()) {
+  for (const evidence::PerturbationKind& kind : evidence::perturbation_kinds()) {
     if (!is_refused(kind.trouble)) continue;
-    const auto trouble = real_trouble_of(moderate(kind), robot_, 1);
+    const auto trouble = evidence::real_trouble_of(moderate(kind), robot_, 1);
     ASSERT_FALSE(trouble.has_value()) << kind.name;
     EXPECT_EQ(trouble.error().find(std::string(kind.name) + ": "), 0U) << trouble.error();
   }
@@ -83,61 +83,63 @@ TEST_F(RealPerturbation, WhatHasNoMechanismIsRefusedByName) {
 
 // Goal: what acts besides is refused and not left out. Method: lost frames beside a crash.
 TEST_F(RealPerturbation, WhatActsBesidesIsRefused) {
-  Perturbation both = moderate(*find_perturbation("policy_crash"));
-  both.with = {moderate(*find_perturbation("can_loss"))};
-  const auto trouble = real_trouble_of(both, robot_, 1);
+  evidence::Perturbation both = moderate(*evidence::find_perturbation("policy_crash"));
+  both.with = {moderate(*evidence::find_perturbation("can_loss"))};
+  const auto trouble = evidence::real_trouble_of(both, robot_, 1);
   ASSERT_FALSE(trouble.has_value());
   EXPECT_EQ(trouble.error(), "policy_crash: its `with` acts in virtual time only");
 }
 
 TEST_F(RealPerturbation, SensorsSufferWhereTheSimulatorPlaysThem) {
-  const Perturbation lies = moderate(*find_perturbation("sensor_lies"));
-  EXPECT_EQ(simulated_sensors(robot_), std::vector<std::string>{"target"});
+  const evidence::Perturbation lies = moderate(*evidence::find_perturbation("sensor_lies"));
+  EXPECT_EQ(evidence::simulated_sensors(robot_), std::vector<std::string>{"target"});
   robot_.simulation->camera_sensor.clear();
-  EXPECT_EQ(real_trouble_of(lies, robot_, 1).error(), "sensor_lies: the simulator plays none of the robot's sensors");
+  EXPECT_EQ(evidence::real_trouble_of(lies, robot_, 1).error(),
+            "sensor_lies: the simulator plays none of the robot's sensors");
   const config::RobotConfig balancer = config::load("config/balancer.yaml").value();
-  EXPECT_EQ(simulated_sensors(balancer), std::vector<std::string>{"base_imu"}) << "a person's command is none of its";
+  EXPECT_EQ(evidence::simulated_sensors(balancer), std::vector<std::string>{"base_imu"})
+      << "a person's command is none of its";
   for (const char* kind : {"sensor_lies", "sensor_burst", "sensor_dropout", "camera_freeze"}) {
-    const auto trouble = real_trouble_of(moderate(*find_perturbation(kind)), balancer, 1);
+    const auto trouble = evidence::real_trouble_of(moderate(*evidence::find_perturbation(kind)), balancer, 1);
     ASSERT_TRUE(trouble) << trouble.error();
     EXPECT_NE(trouble->plant_scenario.find("sensor: base_imu"), std::string::npos) << trouble->plant_scenario;
   }
 }
 
 TEST_F(RealPerturbation, ThePushIsTheOneOfVirtualTime) {
-  const auto trouble = real_trouble_of(moderate(*find_perturbation("push")), robot_, 7);
+  const auto trouble = evidence::real_trouble_of(moderate(*evidence::find_perturbation("push")), robot_, 7);
   ASSERT_TRUE(trouble.has_value()) << trouble.error();
-  const auto scenario = plant::parse_scenario(trouble->plant_scenario, "push", robot_);
+  const auto scenario = simulation::parse_scenario(trouble->plant_scenario, "push", robot_);
   ASSERT_EQ(scenario.value().events.size(), 2U);
   for (std::size_t i = 0; i < 2; ++i) {
-    const plant::FaultEvent& event = scenario->events[i];
-    EXPECT_EQ(event.at, seconds(3) + kRepeat * static_cast<std::int64_t>(i));
+    const simulation::FaultEvent& event = scenario->events[i];
+    EXPECT_EQ(event.at, seconds(3) + evidence::kRepeat * static_cast<std::int64_t>(i));
     EXPECT_EQ(event.amount, 30);
-    const config::Vector3 drawn = push_direction(7, static_cast<std::int64_t>(i) + 1);
+    const config::Vector3 drawn = evidence::push_direction(7, static_cast<std::int64_t>(i) + 1);
     for (std::size_t axis = 0; axis < 3; ++axis) EXPECT_NEAR(event.along[axis], drawn[axis], 1e-12);
   }
 }
 
 TEST_F(RealPerturbation, TheHogComesEveryTenthOfASecond) {
-  const auto events = events_of(moderate(*find_perturbation("cpu_hog")), 3);
+  const auto events = events_of(moderate(*evidence::find_perturbation("cpu_hog")), 3);
   ASSERT_EQ(events.size(), 20U);
   for (std::size_t i = 0; i < events.size(); ++i) {
     EXPECT_EQ(events[i].process, cli::ProcessName::executive);
     EXPECT_EQ(events[i].length, milliseconds(20));
     if (i > 0) {
-      EXPECT_EQ((events[i].at - events[i - 1].at).ns / 1000, kHogEvery.ns / 1000);
+      EXPECT_EQ((events[i].at - events[i - 1].at).ns / 1000, evidence::kHogEvery.ns / 1000);
     }
   }
 }
 
 TEST_F(RealPerturbation, NominalRolloutsAreLeftAlone) {
-  const auto trouble = real_trouble_of({}, robot_, 1);
+  const auto trouble = evidence::real_trouble_of({}, robot_, 1);
   ASSERT_TRUE(trouble.has_value());
   EXPECT_TRUE(trouble->actions.empty() && trouble->plant_scenario.empty() && trouble->policy_faults.empty());
 }
 
 TEST_F(RealPerturbation, PreemptionHitsTheControlThreadAtInstantsOfTheSeed) {
-  const Perturbation perturbation = moderate(*find_perturbation("scheduler_preemption"));
+  const evidence::Perturbation perturbation = moderate(*evidence::find_perturbation("scheduler_preemption"));
   const auto events = events_of(perturbation, 1);
   EXPECT_EQ(events.size(), 20U);  // ten per second
   for (const cli::Event& event : events) {
@@ -151,7 +153,7 @@ TEST_F(RealPerturbation, PreemptionHitsTheControlThreadAtInstantsOfTheSeed) {
 }
 
 TEST_F(RealPerturbation, ACrashedPolicyComesBackAfterTheDose) {
-  const auto events = events_of(moderate(*find_perturbation("policy_crash")));
+  const auto events = events_of(moderate(*evidence::find_perturbation("policy_crash")));
   ASSERT_EQ(events.size(), 2U);
   EXPECT_EQ(events[0].action, cli::ActionKind::kill);
   EXPECT_EQ(events[1].action, cli::ActionKind::start);
@@ -159,21 +161,21 @@ TEST_F(RealPerturbation, ACrashedPolicyComesBackAfterTheDose) {
 }
 
 TEST_F(RealPerturbation, DosesThatNoRealMachineCanTakeAreRefused) {
-  const auto refused = [&](Trouble trouble, double dose) {
-    return !real_trouble_of({trouble, dose, seconds(3), seconds(2)}, robot_, 1).has_value();
+  const auto refused = [&](evidence::Trouble trouble, double dose) {
+    return !evidence::real_trouble_of({trouble, dose, seconds(3), seconds(2)}, robot_, 1).has_value();
   };
-  EXPECT_TRUE(refused(Trouble::scheduler_preemption, 51));
-  EXPECT_TRUE(refused(Trouble::inference_stall, 1000));
-  EXPECT_TRUE(refused(Trouble::inference_mean_shift, 1));
-  EXPECT_TRUE(refused(Trouble::cpu_hog, 51));
-  EXPECT_TRUE(refused(Trouble::rt_throttling, 300)) << "the kernel keeps 50 ms";
-  EXPECT_TRUE(refused(Trouble::queue_growth, 201));
-  EXPECT_TRUE(refused(Trouble::publish_delay, 0));
-  EXPECT_TRUE(refused(Trouble::can_delay, 2000)) << "the simulator delays by a second at most";
-  EXPECT_FALSE(refused(Trouble::scheduler_preemption, 50));
+  EXPECT_TRUE(refused(evidence::Trouble::scheduler_preemption, 51));
+  EXPECT_TRUE(refused(evidence::Trouble::inference_stall, 1000));
+  EXPECT_TRUE(refused(evidence::Trouble::inference_mean_shift, 1));
+  EXPECT_TRUE(refused(evidence::Trouble::cpu_hog, 51));
+  EXPECT_TRUE(refused(evidence::Trouble::rt_throttling, 300)) << "the kernel keeps 50 ms";
+  EXPECT_TRUE(refused(evidence::Trouble::queue_growth, 201));
+  EXPECT_TRUE(refused(evidence::Trouble::publish_delay, 0));
+  EXPECT_TRUE(refused(evidence::Trouble::can_delay, 2000)) << "the simulator delays by a second at most";
+  EXPECT_FALSE(refused(evidence::Trouble::scheduler_preemption, 50));
   robot_.control.cpu.reset();
-  EXPECT_TRUE(refused(Trouble::scheduler_preemption, 8));
+  EXPECT_TRUE(refused(evidence::Trouble::scheduler_preemption, 8));
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

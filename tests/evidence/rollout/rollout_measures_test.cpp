@@ -8,16 +8,16 @@
 
 #include <memory>
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
-RolloutRow row_of(config::JointKind kind) {
+evidence::RolloutRow row_of(config::JointKind kind) {
   config::RobotConfig robot;
   robot.joints.resize(2);
   robot.joints[1].kind = kind;
   robot.joints[1].drive.gear_ratio = 100;
-  const Disturbance disturbance({}, MonoTime{1});
-  RolloutMeasures measures({.settled = {1}, .begins = {1}, .bound_m = 1}, disturbance, robot);
+  const evidence::Disturbance disturbance({}, MonoTime{1});
+  evidence::RolloutMeasures measures({.settled = {1}, .begins = {1}, .bound_m = 1}, disturbance, robot);
   const auto record = std::make_unique<TickRecord>();
   record->header.joint_count = 2;
   record->header.mode = record->header.previous_mode = Mode::tracking;
@@ -29,13 +29,13 @@ RolloutRow row_of(config::JointKind kind) {
     record->joints[1].dq_reference = tick < 4 ? 0.0F : 0.001F;
     measures.tick(*record, {});
   }
-  RolloutRow row;
+  evidence::RolloutRow row;
   measures.finish(0.05, 0.95, row);
   return row;
 }
 
 TEST(RolloutMeasures, OfAllJointsTogetherASlideCountsAtItsMotor) {
-  const RolloutRow hinge = row_of(config::JointKind::hinge), slide = row_of(config::JointKind::slide);
+  const evidence::RolloutRow hinge = row_of(config::JointKind::hinge), slide = row_of(config::JointKind::slide);
   EXPECT_NEAR(hinge.peak_torque_Nm, 25, 1e-6);
   EXPECT_NEAR(slide.peak_torque_Nm, 0.25, 1e-6);
   EXPECT_NEAR(slide.torque_rate_Nm_s, hinge.torque_rate_Nm_s / 100, 1e-6);
@@ -46,4 +46,4 @@ TEST(RolloutMeasures, OfAllJointsTogetherASlideCountsAtItsMotor) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -5,12 +5,12 @@
 
 #include "tests/evidence/rollout/arm_rollouts.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 TEST(Rollout, RepeatsItselfBitForBit) {
-  const RolloutRow first = test::run("can_loss");
-  const RolloutRow again = test::run("can_loss");
+  const evidence::RolloutRow first = test::run("can_loss");
+  const evidence::RolloutRow again = test::run("can_loss");
   EXPECT_EQ(first.replay_hash, again.replay_hash);
   EXPECT_EQ(first.energy_J, again.energy_J);
 }
@@ -21,7 +21,7 @@ TEST(Rollout, AnotherSeedIsAnotherRollout) {
 
 TEST(Rollout, NominalSucceeds) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-    const RolloutRow row = test::run("none", seed);
+    const evidence::RolloutRow row = test::run("none", seed);
     EXPECT_TRUE(row.success) << row.failure_label;
     EXPECT_EQ(row.final_mode, Mode::tracking);
     EXPECT_EQ(row.misses_per_tick.misses, 0U);
@@ -31,4 +31,4 @@ TEST(Rollout, NominalSucceeds) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

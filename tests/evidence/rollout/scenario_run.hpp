@@ -18,7 +18,7 @@
 #include "simulation/robot_plant.hpp"
 #include "simulation/scenario_player.hpp"
 
-namespace takt::panel::test {
+namespace takt::lab::test {
 
 inline const config::RobotConfig& arm6() {
   static const config::RobotConfig loaded = config::load("config/arm6.yaml").value();
@@ -41,20 +41,20 @@ class ScenarioRun {
   // `known`: the same robot as the executive knows it.
   ScenarioRun(const config::RobotConfig& robot, const std::string& file, const config::RobotConfig& known)
       : robot_(robot),
-        config_(config::tick_config_of(known, kHash)),
-        player_(plant::load_scenario(file, robot).value(), robot, [](const std::string&) {}) {
+        config_(setup::tick_config_of(known, kHash)),
+        player_(simulation::load_scenario(file, robot).value(), robot, [](const std::string&) {}) {
     input_.now = kStart;
   }
 
   // Until the robot stops, ten seconds at most.
-  std::optional<Incident> run() {
+  std::optional<incident::Incident> run() {
     for (int tick = 0; tick < 10'000; ++tick)
       if (auto incident = step()) return incident;
     return std::nullopt;
   }
 
   // One tick; `request`: instead of what the operator of a rollout asks for.
-  std::optional<Incident> step(OperatorRequest request = OperatorRequest::none) {
+  std::optional<incident::Incident> step(OperatorRequest request = OperatorRequest::none) {
     ++input_.tick;
     input_.now = input_.now + config_.period;
     for (; plant_at_ + plant_.step_length() <= input_.now; plant_at_ = plant_at_ + plant_.step_length()) {
@@ -85,7 +85,7 @@ class ScenarioRun {
   void receive() {
     bus_.receive(plant_, input_.now, input_);
     for (std::size_t bus = 0; bus < robot_.buses.size(); ++bus) {
-      const plant::BusFaults& faults = player_.on_bus(bus);
+      const simulation::BusFaults& faults = player_.on_bus(bus);
       BusHealth& health = input_.buses[bus];
       health.state = faults.state;
       health.flooded = faults.babble ? 1 : 0;
@@ -132,12 +132,12 @@ class ScenarioRun {
   const config::RobotConfig& robot_;
   pipeline::TickConfig config_;
   pipeline::TickStatePtr state_ = pipeline::make_tick_state(config_);
-  plant::RobotPlant plant_ = plant::RobotPlant::make(robot_, std::array{1.0}).value();
-  Disturbance calm_{{}, kStart};
-  VirtualBus bus_ = VirtualBus::make(robot_, calm_, 1).value();
-  plant::ScenarioPlayer player_;
-  Operator operator_{std::nullopt};
-  IncidentWatch watch_{robot_};
+  simulation::RobotPlant plant_ = simulation::RobotPlant::make(robot_, std::array{1.0}).value();
+  evidence::Disturbance calm_{{}, kStart};
+  evidence::VirtualBus bus_ = evidence::VirtualBus::make(robot_, calm_, 1).value();
+  simulation::ScenarioPlayer player_;
+  evidence::Operator operator_{std::nullopt};
+  incident::IncidentWatch watch_{robot_};
   pipeline::TickInput input_;
   std::unique_ptr<pipeline::TickOutput> output_ = std::make_unique<pipeline::TickOutput>();
   std::unique_ptr<CommandChunk> answer_, read_;
@@ -147,4 +147,4 @@ class ScenarioRun {
   MonoTime plant_at_ = kStart;
 };
 
-}  // namespace takt::panel::test
+}  // namespace takt::lab::test

@@ -18,7 +18,7 @@
 #include "tests/evidence/rollout/published_g1.hpp"
 #include "tests/support/shared_files.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 // Plays another policy and keeps what it said.
@@ -74,7 +74,7 @@ double target_of(const config::RobotConfig& robot, std::size_t output, double sa
 
 Rates walk(const config::RobotConfig& robot) {
   const auto network = policy_host::load_onnx_policy(robot.policy->file, "obs", "actions").value();
-  const auto fallback = load_fallback_host(robot).value();
+  const auto fallback = evidence::load_fallback_host(robot).value();
   Listener policy(*network);
   ChangeOfTorque played, plain;
   bool follows = false;
@@ -99,20 +99,20 @@ Rates walk(const config::RobotConfig& robot) {
     }
     follows = true;
   };
-  RolloutRow row;
-  const auto done = run_rollout({.robot = robot,
-                                 .policy = policy,
-                                 .policy_hash = 1,
-                                 .fallback = fallback.get(),
-                                 .task = Task::base_velocity,
-                                 .timing = {},
-                                 .perturbation = {},
-                                 .seed = 1,
-                                 .duration = seconds(8),
-                                 .scored = seconds(2),
-                                 .bound_m = 0.3,
-                                 .on_tick = look},
-                                row);
+  evidence::RolloutRow row;
+  const auto done = evidence::run_rollout({.robot = robot,
+                                           .policy = policy,
+                                           .policy_hash = 1,
+                                           .fallback = fallback.get(),
+                                           .task = evidence::Task::base_velocity,
+                                           .timing = {},
+                                           .perturbation = {},
+                                           .seed = 1,
+                                           .duration = seconds(8),
+                                           .scored = seconds(2),
+                                           .bound_m = 0.3,
+                                           .on_tick = look},
+                                          row);
   EXPECT_TRUE(done) << (done ? "" : done.error());
   EXPECT_TRUE(row.success) << row.failure_label;
   return {played.rms(robot.control.period), plain.rms(robot.control.period)};
@@ -136,4 +136,4 @@ TEST(TorqueRate, APublishedWalkerIsPlayedAsSoftlyAsItsPlainLoop) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -16,7 +16,7 @@
 #include "tests/simulation/looking_arm.hpp"
 #include "tests/support/temporary_directory.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using takt::test::ForkedWorld;
@@ -24,7 +24,7 @@ using takt::test::kImageAge;
 using takt::test::kImageEvery;
 using takt::test::play_spots;
 using testing::HasSubstr;
-constexpr plant::WorldProcess::Patience kPatience{seconds(60), {seconds(60), seconds(60)}};
+constexpr simulation::WorldProcess::Patience kPatience{seconds(60), {seconds(60), seconds(60)}};
 constexpr std::size_t kPixels = takt::test::kImageHeight * takt::test::kImageWidth;
 
 class Watched final : public policy_host::Policy {
@@ -53,7 +53,7 @@ std::vector<float> image_of(std::size_t place) {
 }
 
 struct Rolled {
-  RolloutRow row;
+  evidence::RolloutRow row;
   std::string problem, end;                         // empty: there is a row
   std::vector<std::vector<float>> shown;            // to the network
   std::vector<std::pair<MonoTime, Duration>> ages;  // of the images behind each command: when it was taken up, how old
@@ -66,28 +66,29 @@ class VisionRollout : public testing::Test {
     policy_ = policy_host::load_onnx_policy(robot_.policy->file, robot_.policy->input, robot_.policy->output).value();
   }
 
-  Rolled roll(WorldProcess* world, std::string_view trouble = "none", double dose = 0, std::uint64_t seed = 1) {
+  Rolled roll(evidence::WorldProcess* world, std::string_view trouble = "none", double dose = 0,
+              std::uint64_t seed = 1) {
     Rolled rolled;
     Watched watched(*policy_);
-    const RolloutSetup setup{.robot = robot_,
-                             .policy = watched,
-                             .policy_hash = 1,
-                             .task = Task::world,
-                             .timing = {},
-                             .perturbation = {find_perturbation(trouble)->trouble, dose, seconds(2), seconds(2)},
-                             .seed = seed,
-                             .duration = seconds(5),
-                             .scored = seconds(1),
-                             .bound_m = 1,
-                             .on_command =
-                                 [&](const CommandChunk& chunk) {
-                                   const CommandHeader& header = chunk.header;
-                                   rolled.ages.emplace_back(header.dequeued_at,
-                                                            header.dequeued_at - header.outside_sensed_at);
-                                 },
-                             .world = world,
-                             .on_world_end = [&](const plant::WorldEnd& end) { rolled.end = end.sentence; }};
-    if (const auto done = run_rollout(setup, rolled.row); !done) rolled.problem = done.error();
+    const evidence::RolloutSetup setup{
+        .robot = robot_,
+        .policy = watched,
+        .policy_hash = 1,
+        .task = evidence::Task::world,
+        .timing = {},
+        .perturbation = {evidence::find_perturbation(trouble)->trouble, dose, seconds(2), seconds(2)},
+        .seed = seed,
+        .duration = seconds(5),
+        .scored = seconds(1),
+        .bound_m = 1,
+        .on_command =
+            [&](const CommandChunk& chunk) {
+              const CommandHeader& header = chunk.header;
+              rolled.ages.emplace_back(header.dequeued_at, header.dequeued_at - header.outside_sensed_at);
+            },
+        .world = world,
+        .on_world_end = [&](const simulation::WorldEnd& end) { rolled.end = end.sentence; }};
+    if (const auto done = evidence::run_rollout(setup, rolled.row); !done) rolled.problem = done.error();
     rolled.shown = std::move(watched.shown);
     return rolled;
   }
@@ -113,7 +114,7 @@ std::pair<Duration, Duration> youngest_and_oldest(const Rolled& rolled) {
 
 TEST_F(VisionRollout, TheNetworkIsShownEveryImageAsOldAsItIs) {
   const ForkedWorld process([](const std::string& path) { play_spots(path, TAKT_WORLD_ERROR); });
-  WorldProcess world(process.path(), kPatience);
+  evidence::WorldProcess world(process.path(), kPatience);
   const Rolled rolled = roll(&world);
   ASSERT_EQ(rolled.problem, "");
   EXPECT_TRUE(rolled.row.success) << rolled.row.failure_label;
@@ -132,7 +133,7 @@ TEST_F(VisionRollout, TheNetworkIsShownEveryImageAsOldAsItIs) {
 
 TEST_F(VisionRollout, TheSameSeedIsTheSameRolloutAndAnotherAnother) {
   const ForkedWorld process([](const std::string& path) { play_spots(path, TAKT_WORLD_ERROR); });
-  WorldProcess world(process.path(), kPatience);
+  evidence::WorldProcess world(process.path(), kPatience);
   const Rolled once = roll(&world, "sensor_dropout", 0.5, 3), again = roll(&world, "sensor_dropout", 0.5, 3);
   const Rolled other = roll(&world, "sensor_dropout", 0.5, 4);
   EXPECT_EQ(once.row.replay_hash, again.row.replay_hash);
@@ -142,7 +143,7 @@ TEST_F(VisionRollout, TheSameSeedIsTheSameRolloutAndAnotherAnother) {
 
 TEST_F(VisionRollout, WhatTroublesSensorsTroublesImages) {
   const ForkedWorld process([](const std::string& path) { play_spots(path, TAKT_WORLD_ERROR); });
-  WorldProcess world(process.path(), kPatience);
+  evidence::WorldProcess world(process.path(), kPatience);
   const Rolled nominal = roll(&world), burst = roll(&world, "sensor_burst", 200),
                dropout = roll(&world, "sensor_dropout", 0.7), frozen = roll(&world, "camera_freeze", 1000);
   const Duration most = youngest_and_oldest(nominal).second;
@@ -164,7 +165,7 @@ TEST_F(VisionRollout, WhereNobodyShowsItImagesThereIsOneLineAndNoRow) {
   const ForkedWorld process([](const std::string& path) {
     takt::test::play(path, TAKT_WORLD_ERROR, [](const takt_world&, takt_world_state&) { return true; });
   });
-  WorldProcess world(process.path(), kPatience);
+  evidence::WorldProcess world(process.path(), kPatience);
   EXPECT_THAT(roll(&world).problem, HasSubstr("its policy sees images of cam0, which world forked does not give"));
 }
 
@@ -174,7 +175,7 @@ TEST_F(VisionRollout, AnImageFromTheFutureEndsItAsNonsense) {
       if (state.time_ns > 3'000'000'000) world.to_show[0].time_ns = state.time_ns + 1;
     });
   });
-  WorldProcess world(process.path(), kPatience);
+  evidence::WorldProcess world(process.path(), kPatience);
   const Rolled rolled = roll(&world);
   ASSERT_EQ(rolled.problem, "");
   EXPECT_EQ(rolled.row.failure_label, "world_nonsense");
@@ -182,4 +183,4 @@ TEST_F(VisionRollout, AnImageFromTheFutureEndsItAsNonsense) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

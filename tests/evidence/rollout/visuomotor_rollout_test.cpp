@@ -12,7 +12,7 @@
 #include "evidence/rollout/rollout.hpp"
 #include "policy_host/onnx_policy.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr double kBound_m = 0.02;  // as in the panels
@@ -24,21 +24,22 @@ config::RobotConfig robot_file() {
 }
 
 // 5 s; the perturbation acts from 1 s on, the last 2 s are scored.
-RolloutRow run(const config::RobotConfig& robot, std::string_view perturbation, double dose, std::uint64_t seed,
-               Duration lasting = seconds(1), const PolicyTiming& timing = {}) {
+evidence::RolloutRow run(const config::RobotConfig& robot, std::string_view perturbation, double dose,
+                         std::uint64_t seed, Duration lasting = seconds(1), const evidence::PolicyTiming& timing = {}) {
   const auto policy = policy_host::load_onnx_policy(robot.policy->file, robot.policy->input, robot.policy->output);
   if (!policy) throw std::runtime_error(policy.error());
-  RolloutRow row;
-  const auto done = run_rollout({.robot = robot,
-                                 .policy = **policy,
-                                 .policy_hash = *config::policy_hash(robot.policy->file),
-                                 .timing = timing,
-                                 .perturbation = {find_perturbation(perturbation)->trouble, dose, seconds(1), lasting},
-                                 .seed = seed,
-                                 .duration = seconds(5),
-                                 .scored = seconds(2),
-                                 .bound_m = kBound_m},
-                                row);
+  evidence::RolloutRow row;
+  const auto done = evidence::run_rollout(
+      {.robot = robot,
+       .policy = **policy,
+       .policy_hash = *config::policy_hash(robot.policy->file),
+       .timing = timing,
+       .perturbation = {evidence::find_perturbation(perturbation)->trouble, dose, seconds(1), lasting},
+       .seed = seed,
+       .duration = seconds(5),
+       .scored = seconds(2),
+       .bound_m = kBound_m},
+      row);
   if (!done) throw std::runtime_error(done.error());
   return row;
 }
@@ -56,7 +57,7 @@ TEST(VisuomotorArm, DecidesOncePerTwoFramesAndItsChunksOutlastTheContract) {
 TEST(VisuomotorArm, TracksAtFifteenDecisionsPerSecond) {
   const config::RobotConfig robot = robot_file();
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
-    const RolloutRow row = run(robot, "none", 0, seed);
+    const evidence::RolloutRow row = run(robot, "none", 0, seed);
     EXPECT_TRUE(row.success) << row.failure_label << ", seed " << seed;
     EXPECT_LT(row.tracking_error_rms_m, 0.5 * kBound_m) << "seed " << seed;
     EXPECT_EQ(row.misses_per_tick.misses, 0U);
@@ -69,14 +70,14 @@ TEST(VisuomotorArm, TracksAtFifteenDecisionsPerSecond) {
 }
 
 TEST(VisuomotorArm, ForeseesWhatALateDecisionNeeds) {
-  const RolloutRow row = run(robot_file(), "publish_delay", 100, 1, seconds(4));
+  const evidence::RolloutRow row = run(robot_file(), "publish_delay", 100, 1, seconds(4));
   EXPECT_GT(row.age_per_tick.total.p50_ms.value_or(0), 150);
   EXPECT_LT(row.tracking_error_rms_m, 0.5 * kBound_m) << "the target goes 16 mm further in 100 ms";
   EXPECT_EQ(row.safety.entered_degraded, 0U);
 }
 
 TEST(VisuomotorArm, ComesBackAfterASilentPolicy) {
-  const RolloutRow row = run(robot_file(), "policy_freeze", 600, 2);
+  const evidence::RolloutRow row = run(robot_file(), "policy_freeze", 600, 2);
   EXPECT_EQ(row.safety.entered_degraded, 1U);
   EXPECT_TRUE(row.recovery_s.has_value());
   EXPECT_EQ(row.final_mode, Mode::tracking);
@@ -88,10 +89,10 @@ TEST(VisuomotorArm, ThreeRequestsInFlightMakeALongInferenceHarmless) {
   config::RobotConfig robot = robot_file();
   robot.freshness.max_age = milliseconds(600);
   robot.freshness.stop_after = seconds(1);
-  const PolicyTiming slow{.inference = milliseconds(150), .spread = 0.1};
-  const RolloutRow one = run(robot, "none", 0, 1, seconds(1), slow);
+  const evidence::PolicyTiming slow{.inference = milliseconds(150), .spread = 0.1};
+  const evidence::RolloutRow one = run(robot, "none", 0, 1, seconds(1), slow);
   robot.policy->requests_in_flight = 3;
-  const RolloutRow three = run(robot, "none", 0, 1, seconds(1), slow);
+  const evidence::RolloutRow three = run(robot, "none", 0, 1, seconds(1), slow);
   std::printf("rms error: one request %.1f mm, three in flight %.1f mm\n", one.tracking_error_rms_m * 1e3,
               three.tracking_error_rms_m * 1e3);
   EXPECT_FALSE(one.success);
@@ -106,8 +107,8 @@ TEST(VisuomotorArm, ThreeRequestsInFlightMakeALongInferenceHarmless) {
 TEST(VisuomotorArm, AnswersOfTwoModesPullTheReferenceAbout) {
   config::RobotConfig robot = robot_file();
   robot.policy->action.join.kind = config::JoinKind::replace;
-  const RolloutRow calm = run(robot, "none", 0, 1);
-  const RolloutRow torn = run(robot, "none", 0, 1, seconds(1), {.modes = 2, .mode_spread = 0.05});
+  const evidence::RolloutRow calm = run(robot, "none", 0, 1);
+  const evidence::RolloutRow torn = run(robot, "none", 0, 1, seconds(1), {.modes = 2, .mode_spread = 0.05});
   EXPECT_EQ(run(robot, "none", 0, 1, seconds(1), {.modes = 1, .mode_spread = 0.05}).replay_hash, calm.replay_hash);
   EXPECT_GT(torn.tracking_error_rms_m, 2 * calm.tracking_error_rms_m);
   const auto limited = static_cast<std::size_t>(std::countr_zero(bit(Intervention::acceleration_limit)));
@@ -117,4 +118,4 @@ TEST(VisuomotorArm, AnswersOfTwoModesPullTheReferenceAbout) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

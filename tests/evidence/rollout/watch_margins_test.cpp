@@ -19,7 +19,7 @@
 #include "tests/evidence/rollout/published_g1.hpp"
 #include "tests/support/shared_files.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr pipeline::CauseMask kWatches =
@@ -27,7 +27,7 @@ constexpr pipeline::CauseMask kWatches =
 
 class Margins {
  public:
-  explicit Margins(const config::RobotConfig& robot) : config_(config::tick_config_of(robot, 1)) {}
+  explicit Margins(const config::RobotConfig& robot) : config_(setup::tick_config_of(robot, 1)) {}
 
   void begin() { joints_ = {}; }
   void take(const TickRecord& record) {
@@ -87,7 +87,7 @@ struct Trouble {
 };
 struct Walk {
   const char* name;
-  Task task;
+  evidence::Task task;
   double push_N, payload_kg;
   const test::Published* published = nullptr;
 };
@@ -108,28 +108,28 @@ TEST_P(WatchMargins, SuspectNothingInHealthyRobots) {
   const auto& known = *robot->policy;
   const auto policy = policy_host::load_onnx_policy(known.file, known.input, known.output);
   ASSERT_TRUE(policy) << policy.error();
-  const auto fallback = load_fallback_host(*robot);
+  const auto fallback = evidence::load_fallback_host(*robot);
   ASSERT_TRUE(fallback) << fallback.error();
   Margins margins(*robot);
   const Trouble troubles[] = {{"none", 0}, {"push", walk.push_N}, {"payload", walk.payload_kg}};
   for (const Trouble& trouble : troubles) {
     for (std::uint64_t seed = 1; seed <= 2; ++seed) {
       margins.begin();
-      RolloutRow row;
-      const auto done =
-          run_rollout({.robot = *robot,
-                       .policy = **policy,
-                       .policy_hash = 1,
-                       .fallback = fallback->get(),
-                       .task = walk.task,
-                       .timing = {},
-                       .perturbation = {find_perturbation(trouble.what)->trouble, trouble.dose, seconds(4), seconds(2)},
-                       .seed = seed,
-                       .duration = seconds(8),
-                       .scored = seconds(2),
-                       .bound_m = 0.4,
-                       .on_tick = [&](const TickRecord& record) { margins.take(record); }},
-                      row);
+      evidence::RolloutRow row;
+      const auto done = evidence::run_rollout(
+          {.robot = *robot,
+           .policy = **policy,
+           .policy_hash = 1,
+           .fallback = fallback->get(),
+           .task = walk.task,
+           .timing = {},
+           .perturbation = {evidence::find_perturbation(trouble.what)->trouble, trouble.dose, seconds(4), seconds(2)},
+           .seed = seed,
+           .duration = seconds(8),
+           .scored = seconds(2),
+           .bound_m = 0.4,
+           .on_tick = [&](const TickRecord& record) { margins.take(record); }},
+          row);
       ASSERT_TRUE(done) << done.error();
       EXPECT_TRUE(row.success) << trouble.what << ", seed " << seed << ": " << row.failure_label;
     }
@@ -144,14 +144,14 @@ TEST_P(WatchMargins, SuspectNothingInHealthyRobots) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Robots, WatchMargins,
-                         testing::Values(Walk{"arm6", Task::arm_tracking, 30, 0.5},
-                                         Walk{"dual_arm12", Task::arm_tracking, 30, 0.5},
-                                         Walk{"arm6_visuomotor", Task::arm_tracking, 30, 0.5},
-                                         Walk{"cart_pole", Task::cart_pole_balance, 0.2, 0.01},
-                                         Walk{"balancer", Task::base_velocity, 20, 1},
-                                         Walk{"g1", Task::base_velocity, 100, 1, &test::kG1Walker},
-                                         Walk{"g1_mjlab", Task::base_velocity, 100, 1, &test::kG1OfMjlab}),
+                         testing::Values(Walk{"arm6", evidence::Task::arm_tracking, 30, 0.5},
+                                         Walk{"dual_arm12", evidence::Task::arm_tracking, 30, 0.5},
+                                         Walk{"arm6_visuomotor", evidence::Task::arm_tracking, 30, 0.5},
+                                         Walk{"cart_pole", evidence::Task::cart_pole_balance, 0.2, 0.01},
+                                         Walk{"balancer", evidence::Task::base_velocity, 20, 1},
+                                         Walk{"g1", evidence::Task::base_velocity, 100, 1, &test::kG1Walker},
+                                         Walk{"g1_mjlab", evidence::Task::base_velocity, 100, 1, &test::kG1OfMjlab}),
                          [](const auto& walk) { return std::string(walk.param.name); });
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

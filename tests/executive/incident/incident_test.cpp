@@ -27,7 +27,7 @@ class IncidentTest : public testing::Test {
     enter(Mode::tracking, Cause::drives_enabled);
   }
   // One tick later, in `mode`.
-  std::optional<Incident> enter(Mode mode, Cause cause) {
+  std::optional<incident::Incident> enter(Mode mode, Cause cause) {
     TickRecordHeader& header = record.header;
     ++header.tick;
     header.now = MonoTime{} + milliseconds(static_cast<std::int64_t>(1000 + header.tick));
@@ -46,7 +46,7 @@ class IncidentTest : public testing::Test {
   std::unique_ptr<TickRecord> memory = std::make_unique<TickRecord>();
   TickRecord& record = *memory;
   std::size_t silent = 99;
-  IncidentWatch watch{robot};
+  incident::IncidentWatch watch{robot};
 };
 
 TEST_F(IncidentTest, AnOverTemperatureIsToldInTheDrivesOwnWords) {
@@ -244,8 +244,8 @@ TEST_F(IncidentTest, ASilentWireIsNotBlamedOnThePolicy) {
 // Whatever stops the robot is told in words: the place, or for the robot as a whole why.
 TEST_F(IncidentTest, EveryCauseThatStopsHasWordsOrAPlace) {
   for (config::Joint& joint : robot.joints) joint.limits.temperature = {.warning = 70, .stop = 80};
-  watch = IncidentWatch(robot);
-  for (const auto& [mode, cause] : possible_transitions()) {
+  watch = incident::IncidentWatch(robot);
+  for (const auto& [mode, cause] : incident::possible_transitions()) {
     if (!pipeline::is_latched(mode)) continue;
     for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
       JointRecord& each = record.joints[joint];
@@ -281,7 +281,7 @@ class ImuIncident : public IncidentTest {
     record.header.imu_verdict = ImuVerdict::usable;
   }
   std::string detail_of(Cause cause) {
-    watch = IncidentWatch(robot);
+    watch = incident::IncidentWatch(robot);
     enter(Mode::tracking, Cause::drives_enabled);
     record.header.imu.sensed_at = record.header.now - milliseconds(49);
     return enter(Mode::damped_stop, cause)->detail;
@@ -304,7 +304,7 @@ struct FallbackIncident : IncidentTest {
     stand.name = "stand";
     stand.kind = config::FallbackKind::policy;
     stand.longest = seconds(20);
-    watch = IncidentWatch(robot);
+    watch = incident::IncidentWatch(robot);
     enter(Mode::tracking, Cause::drives_enabled);
     record.header.seats[Seat::policy].freshness = Freshness::missing;
     record.header.player = Player::fallback;
@@ -323,7 +323,9 @@ TEST_F(FallbackIncident, BothLostAreNamedAndTheChainSaysWhoTookOver) {
       "no usable command came for 600 ms (stop_after), of the fallback policy stand neither, none is left; the policy "
       "host's log says whether a sensor, the policy or the way between failed");
   ASSERT_GE(incident->chain.size(), 2U);
-  const auto took_over = [](const IncidentLink& link) { return link.what == "the fallback policy stand took over"; };
+  const auto took_over = [](const incident::IncidentLink& link) {
+    return link.what == "the fallback policy stand took over";
+  };
   EXPECT_TRUE(std::ranges::any_of(incident->chain, took_over));
 }
 
@@ -331,7 +333,7 @@ TEST_F(FallbackIncident, BothLostAreNamedAndTheChainSaysWhoTookOver) {
 // model, and as a robot with a free base.
 TEST_F(IncidentTest, WithoutAModelItSaysWhatAStopDoes) {
   const auto done = [this](Mode mode, Cause cause) {
-    watch = IncidentWatch(robot);
+    watch = incident::IncidentWatch(robot);
     enter(Mode::tracking, Cause::drives_enabled);
     const auto incident = enter(mode, cause);
     EXPECT_TRUE(incident);
@@ -364,7 +366,7 @@ TEST_F(IncidentTest, ADegradedRobotIsToldWithCauseTickAndMeasure) {
   record.header.age.hold = milliseconds(160);
   const auto said = [this](Cause cause) {
     record.header.cause = cause;
-    return degraded_sentence(record, robot);
+    return incident::degraded_sentence(record, robot);
   };
   const std::string begin = "degraded at tick " + std::to_string(record.header.tick) + ": ";
   EXPECT_EQ(said(Cause::command_late),
@@ -392,7 +394,7 @@ TEST_F(FallbackIncident, SaysHowTheRobotIsStopped) {
   using config::StopHow;
   const auto done = [&](const char* cause, StopHow how, Duration longest = {}) {
     robot.stops = {{cause, how, longest, "none"}};
-    watch = IncidentWatch(robot);
+    watch = incident::IncidentWatch(robot);
     enter(Mode::tracking, Cause::drives_enabled);
     const auto incident = enter(Mode::damped_stop, Cause::bad_commands);
     EXPECT_TRUE(incident);
@@ -446,7 +448,7 @@ struct DegradedIncident : IncidentTest {};
 
 TEST_F(DegradedIncident, SaysThatItsTimeIsOver) {
   robot.degraded.longest = seconds(3);
-  watch = IncidentWatch(robot);
+  watch = incident::IncidentWatch(robot);
   enter(Mode::tracking, Cause::drives_enabled);
   record.header.seats[Seat::policy].freshness = Freshness::missing;
   enter(Mode::degraded, Cause::command_late);
@@ -461,7 +463,7 @@ struct FollowingIncident : IncidentTest {};
 
 TEST_F(FollowingIncident, NamesTheJointAndTheDistance) {
   robot.joints[2].limits.following_error = 0.2;
-  watch = IncidentWatch(robot);
+  watch = incident::IncidentWatch(robot);
   enter(Mode::tracking, Cause::drives_enabled);
   record.joints[2].behind = 1;
   record.joints[2].q_reference = 0.75F;

@@ -18,7 +18,7 @@ namespace {
 
 TEST(Arming, ARefusalNamesTheSettingThatTheDriveLacks) {
   const config::RobotConfig robot = config::load("config/arm6.yaml").value();
-  const auto config = std::make_unique<pipeline::TickConfig>(config::tick_config_of(robot, 1));
+  const auto config = std::make_unique<pipeline::TickConfig>(setup::tick_config_of(robot, 1));
   const auto record = std::make_unique<TickRecord>();
   record->header.tick = 1;
   record->header.joint_count = static_cast<std::uint32_t>(robot.joints.size());
@@ -44,7 +44,7 @@ TEST(Arming, ARefusalNamesTheSettingThatTheDriveLacks) {
 
 TEST(Arming, SaysWhatTheProcessItselfLacks) {
   const config::RobotConfig robot = config::load("config/arm6.yaml").value();
-  const auto config = std::make_unique<pipeline::TickConfig>(config::tick_config_of(robot, 1));
+  const auto config = std::make_unique<pipeline::TickConfig>(setup::tick_config_of(robot, 1));
   const auto record = std::make_unique<TickRecord>();
   const auto says = [&](const ArmingSituation& situation, std::string_view text) {
     const auto sentences = missing_for_arming(*record, *config, robot, situation);
@@ -71,7 +71,7 @@ TEST(Arming, SaysWhatTheProcessItselfLacks) {
 // then ticks without; as many more as the sentence names clear the fault of the executive's own watch.
 TEST(Arming, AShareThatStillFallsIsToldAsOne) {
   const config::RobotConfig robot = config::load("config/arm6.yaml").value();
-  const auto config = std::make_unique<pipeline::TickConfig>(config::tick_config_of(robot, 1));
+  const auto config = std::make_unique<pipeline::TickConfig>(setup::tick_config_of(robot, 1));
   const auto record = std::make_unique<TickRecord>();
   TickRecordHeader& header = record->header;
   header.bus_count = static_cast<std::uint8_t>(robot.buses.size());
@@ -117,7 +117,7 @@ TEST(Arming, AShareThatStillFallsIsToldAsOne) {
 // some joints silent, one that never answered, all, and none; then with the silent IMU of a free base.
 TEST(Observations, ASilentJointOrSensorIsNamedAndNotThePolicy) {
   config::RobotConfig robot = config::load("config/arm6.yaml").value();
-  const auto config = std::make_unique<pipeline::TickConfig>(config::tick_config_of(robot, 1));
+  const auto config = std::make_unique<pipeline::TickConfig>(setup::tick_config_of(robot, 1));
   const auto record = std::make_unique<TickRecord>();
   TickRecordHeader& header = record->header;
   header.joint_count = static_cast<std::uint32_t>(robot.joints.size());
@@ -147,7 +147,7 @@ TEST(Observations, ASilentJointOrSensorIsNamedAndNotThePolicy) {
 // Goal: who is refused a reset learns which joint to look at. Method: three joints, of which the fastest is not asked.
 TEST(Reset, NamesTheFastestJointThatIsAskedToRest) {
   const config::RobotConfig robot = config::load("config/arm6.yaml").value();
-  const auto config = std::make_unique<pipeline::TickConfig>(config::tick_config_of(robot, 1));
+  const auto config = std::make_unique<pipeline::TickConfig>(setup::tick_config_of(robot, 1));
   const auto record = std::make_unique<TickRecord>();
   record->header.joint_count = 6;
   record->joints[0].dq_estimate = 2;

@@ -85,7 +85,7 @@ DriveEdge make_edge(const config::RobotConfig& robot, const std::string& directo
 // Never returns: a thread under the filter cannot end, the process can.
 [[noreturn]] void run_guarded(const std::string& directory, const std::function<void()>& trouble, int report_to) {
   const auto robot = config::load("config/arm6.yaml").value();
-  const auto config = config::tick_config_of(robot, 0);
+  const auto config = setup::tick_config_of(robot, 0);
   SimulatedDrives drives(robot, directory);
   DriveEdge edge = make_edge(robot, directory, trouble);
   SystemClock clock;

@@ -133,7 +133,7 @@ class ReceptionTest : public testing::Test {
   const takt::test::TemporaryDirectory directory_;
   config::RobotConfig robot_ = config::load("config/arm6.yaml").value();
   std::unique_ptr<pipeline::TickConfig> config_ =
-      std::make_unique<pipeline::TickConfig>(config::tick_config_of(robot_, kPolicyHash));
+      std::make_unique<pipeline::TickConfig>(setup::tick_config_of(robot_, kPolicyHash));
   std::unique_ptr<SimulatedDrives> drives_;
   std::unique_ptr<DriveEdge> edge_;
   SystemClock clock_;
@@ -147,7 +147,7 @@ class ReceptionTest : public testing::Test {
   StatusBoard board_;
   PublishedSegments published_ = PublishedSegments::create(robot_.joints.size()).value();
   std::unique_ptr<CyclicLoop> loop_;
-  IncidentWatch incidents_{robot_};
+  incident::IncidentWatch incidents_{robot_};
   std::unique_ptr<TickFollower> follower_;
   std::unique_ptr<Reception> reception_;
   std::atomic<bool> done_ = false;

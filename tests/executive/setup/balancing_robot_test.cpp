@@ -22,7 +22,7 @@ std::string robot_text() {
 TEST(BalancingRobot, TheTickGetsItsGainsPoseAndPassiveJoint) {
   const auto robot = load("config/cart_pole.yaml");
   ASSERT_TRUE(robot) << robot.error();
-  const pipeline::TickConfig tick = tick_config_of(*robot, 0);
+  const pipeline::TickConfig tick = setup::tick_config_of(*robot, 0);
   EXPECT_EQ(tick.degraded, pipeline::DegradedBehaviour::fallback);
   EXPECT_EQ(tick.fallback, pipeline::FallbackKind::state_feedback);
   EXPECT_FALSE(tick.joints[0].passive);

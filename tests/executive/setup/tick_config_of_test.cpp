@@ -19,7 +19,7 @@ namespace {
 pipeline::TickConfig tick_of(std::string_view text) {
   const auto robot = parse(text, "r");
   EXPECT_TRUE(robot.has_value()) << robot.error();
-  return tick_config_of(*robot, 7);
+  return setup::tick_config_of(*robot, 7);
 }
 
 TEST(TickConfigOf, CarriesTimingContractAndCounts) {
@@ -54,7 +54,7 @@ TEST(TickConfigOf, AFallbackPolicyHasItsOwnHashItsTimeAndTheBound) {
   text.replace(text.find(kChosen), kChosen.size(), "fallback: tuck, after: 40 ms }");
   const auto robot = parse(text, "r");
   ASSERT_TRUE(robot.has_value()) << robot.error();
-  const auto tick = tick_config_of(*robot, 7, 8);
+  const auto tick = setup::tick_config_of(*robot, 7, 8);
   EXPECT_TRUE(pipeline::has_fallback_policy(tick));
   EXPECT_EQ(tick.fallback_policy.hash, 8U);
   EXPECT_TRUE(tick.fallback_policy.needs_outside_stamp) << "it reads the same sensor";
@@ -126,7 +126,7 @@ TEST(TickConfigOf, TheDemoArmsAndTheCartHaveTorqueForTheirWholeAccelerationInEve
   for (const char* file : {"arm6", "arm6_visuomotor", "dual_arm12", "cart_pole"}) {
     const auto robot = load("config/" + std::string(file) + ".yaml");
     ASSERT_TRUE(robot) << robot.error();
-    const pipeline::TickConfig tick = tick_config_of(*robot, 0);
+    const pipeline::TickConfig tick = setup::tick_config_of(*robot, 0);
     EXPECT_EQ(pipeline::scarce_joints(tick, pipeline::GravityModel(tick)), 0U) << file;
   }
 }

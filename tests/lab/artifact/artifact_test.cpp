@@ -17,15 +17,15 @@
 #include "tests/lab/artifact/sample_rows.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 class ArtifactTest : public test::TemporaryFolder {
  protected:
   const std::string folder = path("artifact");
   const ArtifactManifest manifest = sample_manifest({"method-a", "method-b"}, 4);
-  const std::vector<RolloutRow> rows{sample_row("method-a", 1), failed_row("method-a", 2), sample_row("method-b", 1),
-                                     sample_row("method-b", 2)};
+  const std::vector<evidence::RolloutRow> rows{sample_row("method-a", 1), failed_row("method-a", 2),
+                                               sample_row("method-b", 1), sample_row("method-b", 2)};
 
   void replace(const std::string& file, const std::string& what, const std::string& by) const {
     std::string text = monitor::read_file(file).value();
@@ -61,7 +61,7 @@ TEST_F(ArtifactTest, ComesBackAsItWasWritten) {
 }
 
 TEST_F(ArtifactTest, TheIdDependsOnEveryRowButNotOnHostOrOrder) {
-  std::vector<RolloutRow> other = rows;
+  std::vector<evidence::RolloutRow> other = rows;
   other[3].host.wall_s = 77;
   EXPECT_EQ(artifact_id_of(manifest, other), artifact_id_of(manifest, rows));
   std::swap(other[0], other[2]);
@@ -182,27 +182,29 @@ TEST_F(ArtifactTest, TwoWritersAreOneTooMany) {
 
 // Goal: a row that cannot be is refused, by its own sentence. Method: one field of a sound row at a time.
 TEST_F(ArtifactTest, ARowThatContradictsItselfIsRefused) {
-  const auto refused = [&](void (*spoil)(RolloutRow&)) {
-    RolloutRow row = rows[0];
+  const auto refused = [&](void (*spoil)(evidence::RolloutRow&)) {
+    evidence::RolloutRow row = rows[0];
     spoil(row);
     const auto fine = check(row);
     return fine ? "taken" : fine.error();
   };
-  EXPECT_EQ(refused([](RolloutRow&) {}), "taken");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.final_mode = Mode::fault_latched; }),
+  EXPECT_EQ(refused([](evidence::RolloutRow&) {}), "taken");
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row.final_mode = Mode::fault_latched; }),
             "is a success that ended in fault_latched");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.fell = true; }), "is a success that fell");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.age_per_tick.total.p99_ms = 10; }),
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row.fell = true; }), "is a success that fell");
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row.age_per_tick.total.p99_ms = 10; }),
             "age_per_tick.total has p50 30, p95 30.1, p99 10 ms, which do not rise");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.age_per_tick.infer.p95_ms.reset(); }),
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row.age_per_tick.infer.p95_ms.reset(); }),
             "age_per_tick.infer has some of its quantiles");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.age_per_command.queue = {.p50_ms = 30, .p95_ms = 31, .p99_ms = 32}; }),
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) {
+              row.age_per_command.queue = {.p50_ms = 30, .p95_ms = 31, .p99_ms = 32};
+            }),
             "age_per_command.queue.p50 is 30 ms, more than the total's 20");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.misses_per_tick.misses = 500; }),
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row.misses_per_tick.misses = 500; }),
             "misses_per_tick.rate is 0.003, and 500 of 1000 are 0.5");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.mode_share[0] = 0.9; }), "mode_share adds up to 1.8, not to 1");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.ticks = 1; }), "misses_per_tick.count is 1000 of only 1 ticks");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.mode_share = {0.2, 0, 0, 0, 0.8, 0}; }),
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row.mode_share[0] = 0.9; }), "mode_share adds up to 1.8, not to 1");
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row.ticks = 1; }), "misses_per_tick.count is 1000 of only 1 ticks");
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row.mode_share = {0.2, 0, 0, 0, 0.8, 0}; }),
             "ended in tracking, where it spent none of its ticks");
 }
 
@@ -210,7 +212,7 @@ TEST_F(ArtifactTest, ARowThatContradictsItselfIsRefused) {
 // than of the whole: so it came out of 40 commands; of 1,000 it cannot.
 TEST_F(ArtifactTest, APartsQuantileBeyondItsSamplesContradictsNothing) {
   const auto said = [&](std::uint64_t commands, double p99_ms) {
-    RolloutRow row = rows[0];
+    evidence::RolloutRow row = rows[0];
     row.misses_per_command = {.misses = 0,
                               .count = commands,
                               .rate = 0,
@@ -227,12 +229,12 @@ TEST_F(ArtifactTest, APartsQuantileBeyondItsSamplesContradictsNothing) {
 }
 
 TEST_F(ArtifactTest, OneRolloutUnderTwoSeedsIsRefused) {
-  std::vector<RolloutRow> twice = rows;
+  std::vector<evidence::RolloutRow> twice = rows;
   twice[1] = rows[0];
   twice[1].seed = 2;
   auto writer = ArtifactWriter::create(folder, manifest, kPanelText);
   ASSERT_TRUE(writer);
-  for (const RolloutRow& row : twice) ASSERT_TRUE(writer->append(row));
+  for (const evidence::RolloutRow& row : twice) ASSERT_TRUE(writer->append(row));
   ASSERT_TRUE(writer->finish());
   EXPECT_EQ(refusal(), folder + "/rollouts.jsonl: row 2 has the ticks of row 1 (replay_hash): one rollout is no two");
 }
@@ -255,24 +257,28 @@ TEST_F(ArtifactTest, AppendRefusesWhatDoesNotFit) {
   auto writer = ArtifactWriter::create(folder, manifest, kPanelText);
   ASSERT_TRUE(writer) << writer.error();
   ASSERT_TRUE(writer->append(rows[0]));
-  const auto refused = [&](void (*spoil)(RolloutRow&)) {
-    RolloutRow row = rows[2];
+  const auto refused = [&](void (*spoil)(evidence::RolloutRow&)) {
+    evidence::RolloutRow row = rows[2];
     spoil(row);
     const auto done = writer->append(row);
     return done ? "appended" : done.error();
   };
-  EXPECT_EQ(refused([](RolloutRow& row) { row = sample_row("method-a", 1); }),
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row = sample_row("method-a", 1); }),
             "row 2 is rollout reach.none@0.method-a.s1, which is there already");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.energy_J = -1; }), "row 2: energy_J is -1, outside 0 or more");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.seed = 21; }), "row 2 has seed 21, which is not in the seed plan");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.method = "method-c"; }),
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row.energy_J = -1; }), "row 2: energy_J is -1, outside 0 or more");
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row.seed = 21; }),
+            "row 2 has seed 21, which is not in the seed plan");
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row.method = "method-c"; }),
             "row 2 has method method-c, which is not in the manifest");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.plant_sha256 = row.panel_sha256; }), "row 2 comes from another plant");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.script_version = "0.0.9"; }), "row 2 comes from another script");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.panel_sha256 = row.plant_sha256; }), "row 2 comes from another panel");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.config_sha256 = row.plant_sha256; }),
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row.plant_sha256 = row.panel_sha256; }),
+            "row 2 comes from another plant");
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row.script_version = "0.0.9"; }),
+            "row 2 comes from another script");
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row.panel_sha256 = row.plant_sha256; }),
+            "row 2 comes from another panel");
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row.config_sha256 = row.plant_sha256; }),
             "row 2 comes from another configuration of its method");
-  EXPECT_EQ(refused([](RolloutRow& row) { row.policy_sha256.clear(); }),
+  EXPECT_EQ(refused([](evidence::RolloutRow& row) { row.policy_sha256.clear(); }),
             "row 2 comes from another policy file of its method");
   EXPECT_EQ(writer->rows().size(), 1U);
   EXPECT_EQ(open_artifact(folder)->rows.size(), 1U);
@@ -304,7 +310,7 @@ TEST_F(ArtifactTest, AContractThatTheRowsWereNotMadeByIsRefused) {
 // Rows taken out, and the id made anew of those that are left.
 TEST_F(ArtifactTest, FewerRowsThanPlannedAreRefused) {
   write_artifact(folder, manifest, rows);
-  const std::vector<RolloutRow> left(rows.begin(), rows.end() - 1);
+  const std::vector<evidence::RolloutRow> left(rows.begin(), rows.end() - 1);
   std::string text = monitor::read_file(folder + "/rollouts.jsonl").value();
   text.erase(text.rfind('\n', text.size() - 2) + 1);
   ASSERT_TRUE(monitor::replace_file(folder + "/rollouts.jsonl", text));
@@ -345,4 +351,4 @@ TEST(ArtifactManifest, NamesTheFirstDifference) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

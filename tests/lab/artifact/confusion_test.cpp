@@ -8,27 +8,27 @@
 #include "evidence/rollout/perturbation.hpp"
 #include "tests/lab/artifact/sample_rows.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using monitor::Fault;
 
-RolloutRow row(const char* perturbation, const char* verdict, const char* method = "takt") {
-  RolloutRow made = sample_row(method, 1);
+evidence::RolloutRow row(const char* perturbation, const char* verdict, const char* method = "takt") {
+  evidence::RolloutRow made = sample_row(method, 1);
   made.perturbation = perturbation;
   made.leading_fault = verdict;
   return made;
 }
 
 TEST(Confusion, CountsPlantedCausesByVerdict) {
-  const std::vector<RolloutRow> rows{row("inference_stall", "inference_stall"),
-                                     row("inference_stall", "middleware_queue_growth"),
-                                     row("policy_freeze", "inference_stall"),
-                                     row("estimator_delay", ""),
-                                     row("push", "unknown"),
-                                     row("none", ""),
-                                     row("none", "platform_stall"),
-                                     row("estimator_delay", "estimator_lag", "other")};
+  const std::vector<evidence::RolloutRow> rows{row("inference_stall", "inference_stall"),
+                                               row("inference_stall", "middleware_queue_growth"),
+                                               row("policy_freeze", "inference_stall"),
+                                               row("estimator_delay", ""),
+                                               row("push", "unknown"),
+                                               row("none", ""),
+                                               row("none", "platform_stall"),
+                                               row("estimator_delay", "estimator_lag", "other")};
   const auto confusions = confusions_of(rows);
   ASSERT_EQ(confusions.size(), 2U);
   const Confusion& takt = confusions.at("takt");
@@ -51,7 +51,7 @@ TEST(Confusion, CountsPlantedCausesByVerdict) {
 }
 
 TEST(Confusion, IsSilentWhereNothingWasPlanted) {
-  const std::vector<RolloutRow> rows{row("none", ""), row("payload", "")};
+  const std::vector<evidence::RolloutRow> rows{row("none", ""), row("payload", "")};
   const auto confusions = confusions_of(rows);
   EXPECT_FALSE(confusions.at("takt").macro_recall());
   EXPECT_EQ(confusion_text(confusions), "");
@@ -60,7 +60,8 @@ TEST(Confusion, IsSilentWhereNothingWasPlanted) {
 
 TEST(Confusion, EveryPlantingPerturbationExists) {
   std::size_t planting = 0;
-  for (const PerturbationKind& kind : perturbation_kinds()) planting += planted_faults(kind.name).size();
+  for (const evidence::PerturbationKind& kind : evidence::perturbation_kinds())
+    planting += planted_faults(kind.name).size();
   EXPECT_EQ(planting, 20U);
   EXPECT_TRUE(planted_faults("none").empty());
 }
@@ -72,8 +73,8 @@ TEST(Confusion, KnowsAllPlantedCauses) {
             (Faults{Fault::inference_stall, Fault::middleware_queue_growth}));
 }
 
-RolloutRow shared(const char* perturbation, const std::map<Fault, double>& shares) {
-  RolloutRow made = row(perturbation, shares.empty() ? "" : "inference_stall");
+evidence::RolloutRow shared(const char* perturbation, const std::map<Fault, double>& shares) {
+  evidence::RolloutRow made = row(perturbation, shares.empty() ? "" : "inference_stall");
   made.fault_shares.fill(0);
   for (const auto& [fault, share] : shares) made.fault_shares[static_cast<std::size_t>(fault)] = share;
   return made;
@@ -81,7 +82,7 @@ RolloutRow shared(const char* perturbation, const std::map<Fault, double>& share
 
 TEST(Confusion, AMixtureNamesEachCauseWithATellingShare) {
   constexpr const char* kBoth = "inference_stall-with-bus_off-100";
-  const std::vector<RolloutRow> rows{
+  const std::vector<evidence::RolloutRow> rows{
       shared(kBoth, {{Fault::inference_stall, 0.9}, {Fault::actuator_or_bus_fault, 0.1}}),
       shared(kBoth, {{Fault::inference_stall, 0.99}, {Fault::actuator_or_bus_fault, 0.01}}),
       shared(kBoth, {{Fault::inference_stall, 0.5}, {Fault::sensor_backlog, 0.4}, {Fault::unknown, 0.1}})};
@@ -101,7 +102,7 @@ TEST(Confusion, AMixtureNamesEachCauseWithATellingShare) {
 }
 
 TEST(Confusion, RolloutsWithoutTroubleStandBesideTheRecall) {
-  const std::vector<RolloutRow> rows{
+  const std::vector<evidence::RolloutRow> rows{
       shared("policy_freeze", {{Fault::inference_stall, 1.0}}), shared("policy_freeze", {}),
       shared("policy_freeze", {{Fault::inference_stall, 0.8}, {Fault::sensor_backlog, 0.2}}), shared("none", {})};
   const auto confusions = confusions_of(rows);
@@ -132,4 +133,4 @@ TEST(Confusion, TheLeadingVerdictIsTheCostliest) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -8,7 +8,8 @@
 #include "tests/lab/artifact/sample_rows.hpp"
 
 int main(int argc, char** argv) {
-  using namespace takt::panel;
+  using namespace takt::lab;
+  using namespace takt::evidence;
   if (argc != 2) return 64;
   try {
     std::vector<RolloutRow> rows;

@@ -16,7 +16,7 @@
 #include "monitor/record/strict_json.hpp"
 #include "tests/lab/artifact/sample_rows.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -37,7 +37,7 @@ std::string refusal(const Json& json) {
 }
 
 TEST(RolloutRow, ComesBackFromItsLine) {
-  for (const RolloutRow& row : {sample_row(), failed_row()}) {
+  for (const evidence::RolloutRow& row : {sample_row(), failed_row()}) {
     const std::string text = row_text(row).value();
     EXPECT_EQ(text.find('\n'), std::string::npos);
     const auto back = row_of(text);
@@ -58,7 +58,7 @@ TEST(RolloutRow, ComesBackFromItsLine) {
 
 // Every field has its own place: a sample without equal neighbours would show a place given twice.
 TEST(RolloutRow, EveryFieldHasItsOwnNameAndPlace) {
-  RolloutRow row;
+  evidence::RolloutRow row;
   std::set<std::string> names;
   std::set<const void*> places;
   for (const RolloutField& field : rollout_fields()) {
@@ -71,7 +71,7 @@ TEST(RolloutRow, EveryFieldHasItsOwnNameAndPlace) {
 }
 
 TEST(RolloutRow, HostMeasurementsStayOutOfTheComparedBytes) {
-  RolloutRow slower = sample_row();
+  evidence::RolloutRow slower = sample_row();
   slower.host.wall_s = 99;
   EXPECT_NE(row_text(slower).value(), row_text(sample_row()).value());
   EXPECT_EQ(row_text(slower, HostFields::left_out).value(), row_text(sample_row(), HostFields::left_out).value());
@@ -109,7 +109,7 @@ TEST(RolloutRow, AWrongTypeIsRefusedByName) {
     for (const Json& wrong : {Json::array(), Json::object()}) {
       Json json = sample_json();
       json[pointer_of(field)] = wrong;
-      RolloutRow row;
+      evidence::RolloutRow row;
       const std::string type(type_name(field.place(row)));
       EXPECT_EQ(refusal(json), field.name + " is " + wrong.dump() + ", not " + type);
     }
@@ -158,7 +158,7 @@ TEST(RolloutRow, TornTextIsRefused) {
 TEST(RolloutRow, NothingThatIsNotFiniteIsWritten) {
   for (const RolloutField& field : rollout_fields()) {
     for (const double wrong : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
-      RolloutRow row = sample_row();
+      evidence::RolloutRow row = sample_row();
       const FieldPlace place = field.place(row);
       if (auto* const* number = std::get_if<double*>(&place))
         **number = wrong;
@@ -172,7 +172,7 @@ TEST(RolloutRow, NothingThatIsNotFiniteIsWritten) {
 }
 
 TEST(RolloutRow, ValuesOutsideTheirRangeOrFormatAreRefused) {
-  RolloutRow row = sample_row();
+  evidence::RolloutRow row = sample_row();
   row.mode_share[2] = 1.5;
   EXPECT_EQ(row_text(row).error(), "mode_share.tracking is 1.5, outside 0..1");
   row = sample_row();
@@ -219,7 +219,7 @@ TEST(RolloutRow, RefusalsShowWhatATerminalWouldObey) {
   for (const std::string odd : {"\x7f", "\xc2\x9b"}) {
     const std::string twice = "{\"" + odd + "\": 1, \"" + odd + "\": 2}";
     const std::vector<std::string> refusals{row_of("{\"schema\": \"" + odd + "\"}").error(), row_of(twice).error(),
-                                            attestation_of("{\"schema\": \"" + odd + "\"}").error(),
+                                            evidence::attestation_of("{\"schema\": \"" + odd + "\"}").error(),
                                             monitor::parse_strict(twice).error()};
     for (const std::string& refusal : refusals) {
       EXPECT_FALSE(refusal.empty());
@@ -229,11 +229,11 @@ TEST(RolloutRow, RefusalsShowWhatATerminalWouldObey) {
 }
 
 TEST(RolloutRow, IdNamesTheRolloutAndIsASafeFileName) {
-  RolloutRow row = sample_row("fast", 7);
+  evidence::RolloutRow row = sample_row("fast", 7);
   row.perturbation = "slow_infer";
   row.dose = 2.5;
-  EXPECT_EQ(rollout_id(row), "reach.slow_infer@2.5.fast.s7");
+  EXPECT_EQ(evidence::rollout_id(row), "reach.slow_infer@2.5.fast.s7");
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -6,7 +6,7 @@
 
 #include "tests/lab/artifact/sample_rows.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 template <class Value>
@@ -18,7 +18,7 @@ Value required(std::expected<Value, std::string> value) {
 }  // namespace
 
 ArtifactManifest sample_manifest(const std::vector<std::string>& methods, std::uint64_t planned) {
-  const RolloutRow row = sample_row();
+  const evidence::RolloutRow row = sample_row();
   ArtifactManifest manifest;
   manifest.panel = row.panel;
   manifest.panel_sha256 = row.panel_sha256;
@@ -43,13 +43,13 @@ ArtifactManifest sample_manifest(const std::vector<std::string>& methods, std::u
 }
 
 Artifact write_artifact(const std::string& path, const ArtifactManifest& manifest,
-                        const std::vector<RolloutRow>& rows) {
+                        const std::vector<evidence::RolloutRow>& rows) {
   ArtifactWriter writer = required(ArtifactWriter::create(path, manifest, kPanelText));
-  for (const RolloutRow& row : rows) {
+  for (const evidence::RolloutRow& row : rows) {
     if (const auto done = writer.append(row); !done) throw std::runtime_error(done.error());
   }
   if (rows.size() == manifest.planned_rollouts) (void)required(writer.finish());
   return required(open_artifact(path));
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -7,13 +7,14 @@
 
 #include "lab/artifact/artifact.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 inline constexpr const char* kPanelText = "panel";  // what sample rows name by its hash
 
 // Methods of the given names, seeds 1..20.
 ArtifactManifest sample_manifest(const std::vector<std::string>& methods, std::uint64_t planned);
 // Writes rows into a new artifact and finishes it when it holds all that `manifest` plans. Throws the sentence.
-Artifact write_artifact(const std::string& path, const ArtifactManifest& manifest, const std::vector<RolloutRow>& rows);
+Artifact write_artifact(const std::string& path, const ArtifactManifest& manifest,
+                        const std::vector<evidence::RolloutRow>& rows);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -6,21 +6,21 @@
 #include "config/load.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
-AgeRow ages(double base) {
-  AgeRow row;
+evidence::AgeRow ages(double base) {
+  evidence::AgeRow row;
   row.total = {.p50_ms = base, .p95_ms = base + 0.1, .p99_ms = base + 0.3};
   double next = base / 10;
-  for (AgeQuantiles* part : {&row.sense, &row.queue, &row.infer, &row.publish, &row.hold}) {
+  for (evidence::AgeQuantiles* part : {&row.sense, &row.queue, &row.infer, &row.publish, &row.hold}) {
     *part = {.p50_ms = next, .p95_ms = next + 0.1, .p99_ms = next + 0.3};
     next += 1.0;
   }
   return row;
 }
 
-MissRow missed(std::uint64_t misses, std::uint64_t count) {
+evidence::MissRow missed(std::uint64_t misses, std::uint64_t count) {
   return {.misses = misses,
           .count = count,
           .rate = static_cast<double>(misses) / static_cast<double>(count),
@@ -30,8 +30,8 @@ MissRow missed(std::uint64_t misses, std::uint64_t count) {
 
 }  // namespace
 
-RolloutRow sample_row(const std::string& method, std::uint64_t seed) {
-  RolloutRow row;
+evidence::RolloutRow sample_row(const std::string& method, std::uint64_t seed) {
+  evidence::RolloutRow row;
   row.panel = "smoke";
   row.panel_sha256 = config::sha256_hex("panel");
   row.task = "reach";
@@ -75,8 +75,8 @@ RolloutRow sample_row(const std::string& method, std::uint64_t seed) {
   return row;
 }
 
-RolloutRow failed_row(const std::string& method, std::uint64_t seed) {
-  RolloutRow row = sample_row(method, seed);
+evidence::RolloutRow failed_row(const std::string& method, std::uint64_t seed) {
+  evidence::RolloutRow row = sample_row(method, seed);
   row.success = false;
   row.failure_label = "command_lost";
   row.fell = true;
@@ -87,4 +87,4 @@ RolloutRow failed_row(const std::string& method, std::uint64_t seed) {
   return row;
 }
 
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -4,11 +4,11 @@
 
 #include "evidence/rollout/rollout_row.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 
 // Success, no perturbation. Differs by method and seed as rows of one artifact do.
-RolloutRow sample_row(const std::string& method = "method-a", std::uint64_t seed = 1);
+evidence::RolloutRow sample_row(const std::string& method = "method-a", std::uint64_t seed = 1);
 // The same, failed by a lost command.
-RolloutRow failed_row(const std::string& method = "method-a", std::uint64_t seed = 1);
+evidence::RolloutRow failed_row(const std::string& method = "method-a", std::uint64_t seed = 1);
 
-}  // namespace takt::panel
+}  // namespace takt::lab

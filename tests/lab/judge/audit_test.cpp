@@ -20,13 +20,13 @@
 #include "tests/monitor/record/recorded_demo.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 class AuditTest : public test::TemporaryFolder {
  protected:
   const std::string folder = path("artifact");
-  std::vector<RolloutRow> rows{sample_row("fast", 1), failed_row("fast", 1)};
+  std::vector<evidence::RolloutRow> rows{sample_row("fast", 1), failed_row("fast", 1)};
   ArtifactManifest manifest;
   // The panel file's own words.
   PanelPromise promise{.claims = sample_manifest({}, 0).claims,
@@ -244,26 +244,26 @@ TEST_F(AuditTest, AMethodOfThePanelThatIsNotShownIsNamed) {
 
 // Goal: a row's end is one that the panel's rollouts can have. Method: one row at a time, sound but for that.
 TEST_F(AuditTest, ARowThatThePanelContradictsIsNamed) {
-  const auto named = [&](void (*spoil)(RolloutRow&)) {
-    const std::vector<RolloutRow> sound = rows;
+  const auto named = [&](void (*spoil)(evidence::RolloutRow&)) {
+    const std::vector<evidence::RolloutRow> sound = rows;
     spoil(rows[0]);
     std::filesystem::remove_all(folder);
     const Missing found = missing(judged(write_artifact(folder, manifest, rows)), "monitor state");
     rows = sound;
     return found;
   };
-  EXPECT_EQ(named([](RolloutRow&) {}), Missing{});
-  EXPECT_EQ(named([](RolloutRow& row) { row.tracking_error_rms_m = 5; }),
+  EXPECT_EQ(named([](evidence::RolloutRow&) {}), Missing{});
+  EXPECT_EQ(named([](evidence::RolloutRow& row) { row.tracking_error_rms_m = 5; }),
             Missing{"row 1 is a success with 5 m of error, and panel.yaml's bound is 0.02 m"});
-  EXPECT_EQ(named([](RolloutRow& row) { row.success = false, row.failure_label = "tracking_error"; }),
+  EXPECT_EQ(named([](evidence::RolloutRow& row) { row.success = false, row.failure_label = "tracking_error"; }),
             Missing{"row 1 failed by an error of 0.01 m, and panel.yaml's bound is 0.02 m"});
-  EXPECT_EQ(named([](RolloutRow& row) {
+  EXPECT_EQ(named([](evidence::RolloutRow& row) {
               row.ticks = 1;
               row.misses_per_tick = {.misses = 0, .count = 0, .rate = 0, .effective_count = 0, .upper_bound = 1};
               row.mode_share = {0, 0, 1, 0, 0, 0};
             }),
             Missing{"row 1 is a success of 1 ticks, and 2 s have at least 10"});
-  EXPECT_EQ(named([](RolloutRow& row) { row.ticks = 30'000; }),
+  EXPECT_EQ(named([](evidence::RolloutRow& row) { row.ticks = 30'000; }),
             Missing{"row 1 has 30000 ticks, and 2 s have at most 20001"});
 }
 
@@ -407,7 +407,7 @@ TEST(FailureWatch, WithoutAStopKeepsTheLastTicks) {
 // Goal: leaving outputs out of a run's record makes no run consistent. Method: a sealed run that reproduces, then the
 // same with an output that was not compared.
 TEST(RunAudit, ARunThatLacksAnOutputIsNotConsistent) {
-  monitor::ReplayReport replay;
+  evidence::ReplayReport replay;
   replay.ticks = replay.identical = 10;
   RunAudit audit{"run", monitor::CheckedSeal{}, replay, {}};
   audit.seal->closed = true;
@@ -418,4 +418,4 @@ TEST(RunAudit, ARunThatLacksAnOutputIsNotConsistent) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

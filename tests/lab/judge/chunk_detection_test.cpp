@@ -10,11 +10,11 @@
 
 #include "tests/lab/artifact/sample_rows.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
-constexpr ChunkScore kOne[] = {ChunkScore::reversals};
-constexpr ChunkScore kTwo[] = {ChunkScore::reversals, ChunkScore::jerk};
+constexpr config::ChunkScore kOne[] = {config::ChunkScore::reversals};
+constexpr config::ChunkScore kTwo[] = {config::ChunkScore::reversals, config::ChunkScore::jerk};
 
 monitor::ChunkScores level(double value) {
   monitor::ChunkScores scores;
@@ -62,11 +62,11 @@ TEST(Auroc, IsTheShareOfPairsInTheRightOrder) {
 }
 
 // Ten seeds: 1 to 5 calibrate, 6 to 10 are judged.
-std::vector<RolloutRow> rows() {
-  std::vector<RolloutRow> made;
+std::vector<evidence::RolloutRow> rows() {
+  std::vector<evidence::RolloutRow> made;
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     for (const bool failed : {false, true}) {
-      RolloutRow row = failed ? failed_row("takt", seed) : sample_row("takt", seed);
+      evidence::RolloutRow row = failed ? failed_row("takt", seed) : sample_row("takt", seed);
       row.perturbation = failed ? "push" : "none";
       row.chunk_levels = level(failed ? 3 : 1);
       row.catch_votes = 3;
@@ -78,8 +78,8 @@ std::vector<RolloutRow> rows() {
 }
 
 TEST(ChunkDetection, JudgesOnlyWhatItWasNotCalibratedOn) {
-  std::vector<RolloutRow> all = rows();
-  for (RolloutRow& row : all)
+  std::vector<evidence::RolloutRow> all = rows();
+  for (evidence::RolloutRow& row : all)
     if (row.seed == 10) row.chunk_levels = level(row.success ? 2 : 0.5);  // a false alarm, and a failure that is missed
   const ChunkDetection made = detection_of(all, kOne, 0.2).value();
   EXPECT_EQ(made.calibrated_on, 5U);
@@ -95,4 +95,4 @@ TEST(ChunkDetection, JudgesOnlyWhatItWasNotCalibratedOn) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -16,19 +16,19 @@
 #include "tests/lab/artifact/sample_rows.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 class CompareTest : public test::TemporaryFolder {
  protected:
   // Ten seeds, nominal and stalled. `fails(seed)` decides the stalled rollouts; ages are 20 ms + shift.
   Artifact artifact_of(const std::string& method, double shift_ms, bool (*fails)(std::uint64_t),
-                       void (*change)(ArtifactManifest&, RolloutRow&) = nullptr) const {
+                       void (*change)(ArtifactManifest&, evidence::RolloutRow&) = nullptr) const {
     ArtifactManifest manifest = sample_manifest({method}, 20);
-    std::vector<RolloutRow> rows;
+    std::vector<evidence::RolloutRow> rows;
     for (std::uint64_t seed = 1; seed <= 10; ++seed) {
       for (const bool stalled : {false, true}) {
-        RolloutRow row = stalled && fails(seed) ? failed_row(method, seed) : sample_row(method, seed);
+        evidence::RolloutRow row = stalled && fails(seed) ? failed_row(method, seed) : sample_row(method, seed);
         row.perturbation = stalled ? "stall" : "none";
         row.dose = stalled ? 400 : 0;
         row.age_per_command.total.p95_ms = 20 + shift_ms;
@@ -61,7 +61,7 @@ TEST_F(CompareTest, PairsRowByRow) {
   const Artifact a = artifact_of("fast", 0, often), b = artifact_of("slow", 5, never);
   const Comparison result = compare(a, b).value();
   EXPECT_EQ(result.pairs.size(), 20U);
-  for (const RowPair& pair : result.pairs) EXPECT_EQ(pair_key(pair.a), pair_key(pair.b));
+  for (const RowPair& pair : result.pairs) EXPECT_EQ(evidence::pair_key(pair.a), evidence::pair_key(pair.b));
   ASSERT_EQ(result.groups.size(), 2U);
   const GroupComparison& stall = result.groups[1];
   EXPECT_EQ(stall.perturbation, "stall");
@@ -158,7 +158,7 @@ TEST(ComparePlan, DecidesAsOftenAsItSays) {
 }
 
 TEST(CompareHtml, ShowsTheConfusionMatricesWhereBothSidesHaveOne) {
-  RolloutRow planted = sample_row();
+  evidence::RolloutRow planted = sample_row();
   planted.perturbation = "policy_freeze";
   planted.leading_fault = "unknown";
   Comparison comparison;
@@ -195,7 +195,7 @@ TEST_F(CompareTest, ComparesMethodsWithinOneArtifact) {
 TEST_F(CompareTest, RefusesMixtures) {
   const Artifact a = artifact_of("fast", 0, never);
   const auto digits = [](const std::string& text) { return config::sha256_hex(text).substr(0, 12); };
-  const auto expect_refused = [&](void (*change)(ArtifactManifest&, RolloutRow&), const std::string& what,
+  const auto expect_refused = [&](void (*change)(ArtifactManifest&, evidence::RolloutRow&), const std::string& what,
                                   const std::string& in_a, const std::string& in_b) {
     const Artifact b = artifact_of("slow", 0, never, change);
     EXPECT_EQ(refusal(compare(a, b)), "not comparable: the " + what + " differs: A has " + in_a + ", B has " + in_b);
@@ -204,16 +204,18 @@ TEST_F(CompareTest, RefusesMixtures) {
     EXPECT_EQ(merged ? "merged" : merged.error(), "refusing the mixture: the " + what + " differs: " + a.folder.path() +
                                                       " has " + in_a + ", " + b.folder.path() + " has " + in_b);
   };
-  expect_refused([](ArtifactManifest& manifest, RolloutRow& row) { manifest.panel = row.panel = "other"; }, "panel",
-                 "smoke " + digits("panel"), "other " + digits("panel"));
-  expect_refused(
-      [](ArtifactManifest& manifest, RolloutRow& row) { manifest.script_version = row.script_version = "0.2.0"; },
-      "script", "takt 0.1.0 " + digits("sources"), "takt 0.2.0 " + digits("sources"));
-  expect_refused([](ArtifactManifest& manifest, RolloutRow&) { manifest.seed_plan.rule = "as they come"; }, "seed plan",
-                 "20 seeds, \"seeds 1 to 20, the same for every method\"", "20 seeds, \"as they come\"");
+  expect_refused([](ArtifactManifest& manifest, evidence::RolloutRow& row) { manifest.panel = row.panel = "other"; },
+                 "panel", "smoke " + digits("panel"), "other " + digits("panel"));
   expect_refused([](ArtifactManifest& manifest,
-                    RolloutRow& row) { manifest.plants["reach"] = row.plant_sha256 = config::sha256_hex("moon"); },
-                 "plant of task reach", digits("plant"), digits("moon"));
+                    evidence::RolloutRow& row) { manifest.script_version = row.script_version = "0.2.0"; },
+                 "script", "takt 0.1.0 " + digits("sources"), "takt 0.2.0 " + digits("sources"));
+  expect_refused([](ArtifactManifest& manifest, evidence::RolloutRow&) { manifest.seed_plan.rule = "as they come"; },
+                 "seed plan", "20 seeds, \"seeds 1 to 20, the same for every method\"", "20 seeds, \"as they come\"");
+  expect_refused(
+      [](ArtifactManifest& manifest, evidence::RolloutRow& row) {
+        manifest.plants["reach"] = row.plant_sha256 = config::sha256_hex("moon");
+      },
+      "plant of task reach", digits("plant"), digits("moon"));
 }
 
 TEST_F(CompareTest, MergeRefusesDoublesAndUnfinishedOnes) {
@@ -225,7 +227,7 @@ TEST_F(CompareTest, MergeRefusesDoublesAndUnfinishedOnes) {
   };
   EXPECT_EQ(merged(again), "refusing the mixture: rollout reach.none@0.fast.s1 is in " + a.folder.path() + " and in " +
                                again.folder.path());
-  const Artifact tuned = artifact_of("fast", 0, never, [](ArtifactManifest& manifest, RolloutRow& row) {
+  const Artifact tuned = artifact_of("fast", 0, never, [](ArtifactManifest& manifest, evidence::RolloutRow& row) {
     manifest.methods.at("fast").tasks.at(row.task).config_sha256 = row.config_sha256 = config::sha256_hex("tuned");
   });
   EXPECT_EQ(merged(tuned), "refusing the mixture: method fast has another configuration, policy or contract in " +
@@ -288,4 +290,4 @@ TEST_F(CompareTest, NotesWhatAReaderMustKnow) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

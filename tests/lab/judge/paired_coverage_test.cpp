@@ -17,7 +17,7 @@
 
 #include "lab/judge/exact_rate_interval.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 int panels_or(int usual) {
@@ -316,4 +316,4 @@ TEST(AnytimeEvidence, NeedsFewerPairsThanAFixedPanelOfHighPower) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -9,7 +9,7 @@
 #include <cmath>
 #include <vector>
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using Seeds = std::vector<SeedDifference>;
@@ -121,4 +121,4 @@ TEST(MeanDifference, EveryLineDrawsFromAGeneratorOfItsOwn) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

@@ -6,13 +6,13 @@
 
 #include <algorithm>
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
-void add(std::vector<RolloutRow>& rows, const char* method, const char* perturbation, std::uint64_t seeds,
+void add(std::vector<evidence::RolloutRow>& rows, const char* method, const char* perturbation, std::uint64_t seeds,
          std::uint64_t failures) {
   for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
-    RolloutRow row;
+    evidence::RolloutRow row;
     row.task = "arm_tracking";
     row.method = method;
     row.perturbation = perturbation;
@@ -34,7 +34,7 @@ std::string line_with(const std::string& table, std::initializer_list<const char
 }
 
 TEST(HarmTable, JudgesEachRivalByItsPairs) {
-  std::vector<RolloutRow> rows;
+  std::vector<evidence::RolloutRow> rows;
   add(rows, "takt", "none", 200, 0);
   add(rows, "plain", "none", 200, 0);
   add(rows, "takt", "push", 200, 30);
@@ -52,7 +52,7 @@ TEST(HarmTable, JudgesEachRivalByItsPairs) {
 }
 
 TEST(HarmTable, FewSeedsShowNothing) {
-  std::vector<RolloutRow> rows;
+  std::vector<evidence::RolloutRow> rows;
   add(rows, "takt", "none", 10, 0);
   add(rows, "plain", "none", 10, 0);
   EXPECT_NE(harm_table(rows).find("open"), std::string::npos);
@@ -60,4 +60,4 @@ TEST(HarmTable, FewSeedsShowNothing) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

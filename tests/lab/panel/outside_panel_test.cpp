@@ -10,7 +10,7 @@
 #include "lab/panel/panel_plan.hpp"
 #include "lab/panel/worker_pool.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 using testing::ElementsAre;
@@ -72,11 +72,11 @@ TEST(OutsidePanel, TheWorldIsPartOfTheRobotsPlant) {
   const auto without = Contest::prepare(*panel);
   ASSERT_FALSE(without);
   EXPECT_THAT(without.error(), HasSubstr("name it by --world"));
-  panel->tasks[0].task = Task::cart_pole_balance;
+  panel->tasks[0].task = evidence::Task::cart_pole_balance;
   const auto own = Contest::prepare(*panel);
   ASSERT_TRUE(own) << own.error();
   EXPECT_NE(own->identity({}).plant_sha256, balance(1, 1).identity({}).plant_sha256);
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

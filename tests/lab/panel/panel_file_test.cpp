@@ -11,7 +11,7 @@
 #include "lab/panel/panel_plan.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 const std::string kRobot = std::filesystem::absolute("config/arm6.yaml").string();
@@ -72,10 +72,10 @@ TEST_F(PanelFile, KnowsBuiltInMethodsByTheirNames) {
                               "name: takt }\n  - { name: plain, description: mine }\n  - { name: timeout }\n"
                               "  - { name: timeout_1s }\n  - { name: hold_last }")));
   ASSERT_TRUE(panel.has_value()) << panel.error();
-  EXPECT_EQ(panel->methods[1].method.built_in, BuiltIn::plain);
+  EXPECT_EQ(panel->methods[1].method.built_in, evidence::BuiltIn::plain);
   EXPECT_EQ(panel->methods[1].description, "mine");
-  EXPECT_EQ(panel->methods[2].description, find_built_in("timeout")->description);
-  EXPECT_EQ(panel->methods[5].method.built_in, BuiltIn::takt) << "lax";
+  EXPECT_EQ(panel->methods[2].description, evidence::find_built_in("timeout")->description);
+  EXPECT_EQ(panel->methods[5].method.built_in, evidence::BuiltIn::takt) << "lax";
   const auto contest = Contest::prepare(*panel);
   ASSERT_TRUE(contest.has_value()) << contest.error();
   const auto methods = contest->manifest(1).methods;
@@ -111,7 +111,7 @@ TEST_F(PanelFile, TasksHaveTheirOwnPerturbationsAndConfigurations) {
   const auto& takt = manifest.methods.at("takt").tasks;
   EXPECT_EQ(takt.at("cart_pole_balance").max_age_ms, 120);
   EXPECT_NE(takt.at("arm_tracking").policy_sha256, takt.at("cart_pole_balance").policy_sha256);
-  RolloutRow row = contest->identity(plan.back());
+  evidence::RolloutRow row = contest->identity(plan.back());
   EXPECT_EQ(misfit(row, manifest), "");
   row.config_sha256 = lax.at("arm_tracking").config_sha256;
   EXPECT_EQ(misfit(row, manifest), "comes from another configuration of its method");
@@ -202,22 +202,22 @@ TEST_F(PanelFile, WhatActsBesidesIsNamed) {
   EXPECT_EQ(push.name(), "push-with-can_loss-0.1-with-inference_stall-50");
   EXPECT_TRUE(push.has("can_loss"));
   EXPECT_FALSE(push.has("can_delay"));
-  const Perturbation all = push.resolved();
+  const evidence::Perturbation all = push.resolved();
   ASSERT_EQ(all.with.size(), 2U);
   EXPECT_EQ(all.from, seconds(1));
   EXPECT_EQ(all.with[0].from, seconds(2)) << "the panel's window";
-  EXPECT_EQ(all.with[1].trouble, Trouble::inference_stall);
+  EXPECT_EQ(all.with[1].trouble, evidence::Trouble::inference_stall);
   EXPECT_EQ(all.with[1].from, Duration{});
   const auto contest = Contest::prepare(*panel);
   ASSERT_TRUE(contest.has_value()) << contest.error();
-  const RolloutRow row = contest->identity({.task = 0, .perturbation = 1, .method = 0, .seed = 7});
-  EXPECT_EQ(rollout_id(row), "arm_tracking.push-with-can_loss-0.1-with-inference_stall-50@12.5.takt.s7");
+  const evidence::RolloutRow row = contest->identity({.task = 0, .perturbation = 1, .method = 0, .seed = 7});
+  EXPECT_EQ(evidence::rollout_id(row), "arm_tracking.push-with-can_loss-0.1-with-inference_stall-50@12.5.takt.s7");
 }
 
 TEST_F(PanelFile, AsksARobotThatWalksForAVelocity) {
   const auto panel = load_panel("config/panels/walkers.yaml");
   ASSERT_TRUE(panel) << panel.error();
-  const BaseVelocityTask& asked = panel->tasks[0].base_velocity;
+  const evidence::BaseVelocityTask& asked = panel->tasks[0].base_velocity;
   EXPECT_EQ(asked.command, (std::array<double, 3>{0.5, 0, 0}));
   EXPECT_EQ(asked.until, seconds(8));
   EXPECT_EQ(asked.least_height, 0.6);
@@ -245,4 +245,4 @@ TEST_F(PanelFile, AnotherRobotFileTakesThePlaceOfItsOwn) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

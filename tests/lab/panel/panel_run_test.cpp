@@ -18,7 +18,7 @@
 #include "monitor/record/bounded_file.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 Contest smoke() {
@@ -240,8 +240,8 @@ class DecidedPanel : public test::TemporaryFolder {
     rivals = keep_two_methods("still,takt", panel).value();
     plan = plan_of(panel, {});
   }
-  [[nodiscard]] RolloutRow row_of(const PlannedRollout& planned, bool success) const {
-    RolloutRow row;
+  [[nodiscard]] evidence::RolloutRow row_of(const PlannedRollout& planned, bool success) const {
+    evidence::RolloutRow row;
     row.method = planned.method == 0 ? "takt" : "still";
     row.seed = planned.seed;
     row.success = success;
@@ -313,4 +313,4 @@ TEST(PanelRun, AnErrorWhileDeliveringEndsTheRun) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

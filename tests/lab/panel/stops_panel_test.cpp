@@ -20,7 +20,7 @@
 #include "monitor/record/bounded_file.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace takt::panel {
+namespace takt::lab {
 namespace {
 
 constexpr const char* kPanel = "config/panels/stops.yaml";
@@ -49,17 +49,17 @@ class StopsPanel : public test::TemporaryFolder {
   }
   config::RobotConfig robot_;
   std::string panel_text_;
-  FallRule fall_;
+  evidence::FallRule fall_;
 };
 
 // Outcomes, not hashes.
-std::string outcomes_of(const Attestation& attestation) {
-  Attestation bare = attestation;
+std::string outcomes_of(const evidence::Attestation& attestation) {
+  evidence::Attestation bare = attestation;
   bare.artifact_id = bare.script_source_sha256 = "";
-  for (AttestedCondition& condition : bare.conditions)
-    for (AttestedTrial& trial : condition.trials)
+  for (evidence::AttestedCondition& condition : bare.conditions)
+    for (evidence::AttestedTrial& trial : condition.trials)
       trial.replay_hash = trial.row_sha256 = "", trial.seconds = std::round(trial.seconds);
-  return attestation_text(bare);
+  return evidence::attestation_text(bare);
 }
 
 TEST_F(StopsPanel, ShowsWhatTheBalancersFileOffers) {
@@ -69,16 +69,16 @@ TEST_F(StopsPanel, ShowsWhatTheBalancersFileOffers) {
         std::pair{"stops.bad_commands", "bad_commands"}, std::pair{"stops.overrun", "overrun"}}) {
     const auto made = attest(artifact, panel_text_, robot_, of, "file", fall_);
     ASSERT_TRUE(made) << made.error();
-    EXPECT_EQ(shortcoming(*made, robot_, of), "");
+    EXPECT_EQ(evidence::shortcoming(*made, robot_, of), "");
     const std::string file = std::string("config/shown/balancer.") + name + ".json";
     if (std::getenv("TAKT_WRITE_ATTESTATIONS") != nullptr) {
-      ASSERT_TRUE(monitor::replace_file(file, attestation_text(*made)));
+      ASSERT_TRUE(monitor::replace_file(file, evidence::attestation_text(*made)));
     }
-    const auto committed = attestation_of(monitor::read_file(file).value());
+    const auto committed = evidence::attestation_of(monitor::read_file(file).value());
     ASSERT_TRUE(committed) << file << " " << committed.error();
     EXPECT_EQ(outcomes_of(*committed), outcomes_of(*made)) << file;
   }
-  const Standing standing = standing_of(config::load("config/balancer.yaml").value());
+  const evidence::Standing standing = evidence::standing_of(config::load("config/balancer.yaml").value());
   EXPECT_EQ(standing.shown.size(), 4U);
   EXPECT_TRUE(standing.not_shown.empty()) << standing.not_shown.front();
 }
@@ -87,9 +87,10 @@ TEST_F(StopsPanel, HoldingTheWheelsIsRefusedAsEvidence) {
   const Artifact artifact = run("held", "operator_stop", 30);
   const auto made = attest(artifact, panel_text_, robot_, "stops.operator_stop", "held", fall_);
   ASSERT_TRUE(made) << made.error();
-  EXPECT_EQ(shortcoming(*made, robot_, "stops.operator_stop"),
+  EXPECT_EQ(evidence::shortcoming(*made, robot_, "stops.operator_stop"),
             "0 of 30 stood under operator_stop 1: at least 0.00 at 95 % confidence; 0.9 is asked");
-  EXPECT_NE(shortcoming(*made, config::load("config/balancer.yaml").value(), "stops.operator_stop").find("has changed"),
+  EXPECT_NE(evidence::shortcoming(*made, config::load("config/balancer.yaml").value(), "stops.operator_stop")
+                .find("has changed"),
             std::string::npos)
       << "and it is not what the file says";
 }
@@ -97,7 +98,7 @@ TEST_F(StopsPanel, HoldingTheWheelsIsRefusedAsEvidence) {
 // Goal: an attestation that no panel gave is found, and so is one that leaves out a fall. Method: of a method of
 // which no rollout stands, one that says that all do; of one that stands, a trial less; both computed anew.
 TEST_F(StopsPanel, AnInventedAttestationIsFound) {
-  const auto again = [&](const Attestation& said) {
+  const auto again = [&](const evidence::Attestation& said) {
     Panel panel = attested_panel(said).value();
     std::erase_if(panel.perturbations, [](const auto& one) { return one.kind != "operator_stop"; });
     panel.robot = "config/balancer.yaml";
@@ -106,14 +107,14 @@ TEST_F(StopsPanel, AnInventedAttestationIsFound) {
     plan.resize(2);
     return recompute(said, contest, plan, 2);
   };
-  Attestation invented =
+  evidence::Attestation invented =
       attest(run("held", "operator_stop", 30), panel_text_, robot_, "stops.operator_stop", "held", fall_).value();
-  for (AttestedTrial& trial : invented.conditions.at(0).trials) trial.stood = true, trial.seconds = 7;
-  ASSERT_EQ(shortcoming(invented, robot_, "stops.operator_stop"), "") << "it is believed";
+  for (evidence::AttestedTrial& trial : invented.conditions.at(0).trials) trial.stood = true, trial.seconds = 7;
+  ASSERT_EQ(evidence::shortcoming(invented, robot_, "stops.operator_stop"), "") << "it is believed";
   EXPECT_EQ(again(invented)->differences,
             (std::vector<std::string>{"operator_stop@1 with seed 1 did not stand, as it is said to",
                                       "operator_stop@1 with seed 2 did not stand, as it is said to"}));
-  Attestation honest =
+  evidence::Attestation honest =
       attest(run("file", "operator_stop", 30), panel_text_, robot_, "stops.operator_stop", "file", fall_).value();
   EXPECT_EQ(again(honest)->differences, std::vector<std::string>());
   honest.conditions.at(0).trials.at(0).row_sha256 = "00";
@@ -148,4 +149,4 @@ TEST_F(StopsPanel, AChangedModelIsAnotherPlant) {
 }
 
 }  // namespace
-}  // namespace takt::panel
+}  // namespace takt::lab

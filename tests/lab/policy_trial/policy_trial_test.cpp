@@ -58,11 +58,11 @@ class TrialTest : public testing::Test {
 
   void judge(const fs::path& file, const std::optional<onnx_runtime::OnnxRuntime>& runtime) {
     SCOPED_TRACE(file.filename().string());
-    const auto built_in = load_whole_policy(file.string(), load_onnx_network);
+    const auto built_in = policy_trial::load_whole_policy(file.string(), load_onnx_network);
     ASSERT_TRUE(built_in) << built_in.error();
     const std::string name = file.stem().string();
     ++judged_;
-    const std::vector<float> own = last_outputs(*built_in->policy);
+    const std::vector<float> own = policy_trial::last_outputs(*built_in->policy);
     ASSERT_TRUE(vectors_.contains(name)) << "no numbers of ONNX Runtime in " << kVectors;
     const auto committed = vectors_[name].get<std::vector<float>>();
     ASSERT_EQ(committed.size(), own.size());
@@ -71,10 +71,11 @@ class TrialTest : public testing::Test {
     }
     if (!runtime) return;
     const auto known = load_onnx_network(file);
-    const auto judge = load_whole_policy(
-        file.string(), [&](const fs::path& path) { return load_judging_network(*runtime, path, known->get()); });
+    const auto judge = policy_trial::load_whole_policy(file.string(), [&](const fs::path& path) {
+      return policy_trial::load_judging_network(*runtime, path, known->get());
+    });
     ASSERT_TRUE(judge) << judge.error();
-    const Agreement agreement = compare(*built_in->policy, *judge->policy, 0);
+    const policy_trial::Agreement agreement = policy_trial::compare(*built_in->policy, *judge->policy, 0);
     EXPECT_LE(agreement.error, kTolerance);
     worst_ = std::max(worst_, agreement.error);
   }
@@ -119,7 +120,7 @@ TEST_F(TrialTest, PublishedPoliciesAgreeWithOnnxRuntime) {
   }
   if (make("onnx/published_policies.py " + kShared.string() + " " + folder_.path())) {
     for (const char* name : {"b2.onnx", "himloco.onnx", "g1_lstm.onnx"}) judge(folder_.path(name), runtime);
-    const auto lost = load_whole_policy(folder_.path("g1_lstm_without_state.onnx"), load_onnx_network);
+    const auto lost = policy_trial::load_whole_policy(folder_.path("g1_lstm_without_state.onnx"), load_onnx_network);
     ASSERT_FALSE(lost) << "a recurrent policy without its state was accepted";
     EXPECT_NE(lost.error().find("LSTM node"), std::string::npos) << lost.error();
     EXPECT_NE(lost.error().find("memory is lost"), std::string::npos) << lost.error();
@@ -132,17 +133,17 @@ TEST_F(TrialTest, PublishedPoliciesAgreeWithOnnxRuntime) {
 // A NaN that is followed by good values is not forgotten.
 TEST(Agreement, NaNAgainstANumberIsApartForGood) {
   const float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
-  EXPECT_EQ(distance_of(1.0F, 1.0F), 0.0);
-  EXPECT_NEAR(distance_of(1.5F, 1.0F), 0.5, 1e-12);
+  EXPECT_EQ(policy_trial::distance_of(1.0F, 1.0F), 0.0);
+  EXPECT_NEAR(policy_trial::distance_of(1.5F, 1.0F), 0.5, 1e-12);
   const std::vector<std::pair<float, float>> pairs{{nan, 1.0F},      {1.0F, nan},      {nan, infinity},
                                                    {infinity, 1.0F}, {1.0F, infinity}, {infinity, -infinity}};
   for (const auto& [own, judge] : pairs) {
-    const double apart = distance_of(own, judge);
+    const double apart = policy_trial::distance_of(own, judge);
     EXPECT_TRUE(std::isinf(apart)) << own << " against " << judge;
-    EXPECT_TRUE(std::isinf(std::max(apart, distance_of(1.0F, 1.0F)))) << "and stays so";
+    EXPECT_TRUE(std::isinf(std::max(apart, policy_trial::distance_of(1.0F, 1.0F)))) << "and stays so";
   }
-  EXPECT_EQ(distance_of(nan, nan), 0.0) << "counted apart (Agreement::both_nan)";
-  EXPECT_EQ(distance_of(infinity, infinity), 0.0);
+  EXPECT_EQ(policy_trial::distance_of(nan, nan), 0.0) << "counted apart (Agreement::both_nan)";
+  EXPECT_EQ(policy_trial::distance_of(infinity, infinity), 0.0);
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-namespace takt::margin {
+namespace takt::study {
 namespace {
 
 ToleranceSetup small(std::size_t workers) {
@@ -77,7 +77,7 @@ TEST(AgeTolerance, TheWayBackIsTheOneThatCostsLeast) {
 TEST(AgeTolerance, OfACartThatBalancesAPole) {
   ToleranceSetup setup = small(2);
   setup.robot_file = "config/cart_pole.yaml";
-  setup.task = panel::Task::cart_pole_balance;
+  setup.task = evidence::Task::cart_pole_balance;
   setup.bound_m = 0.4;
   setup.duration = seconds(6);
   const auto found = age_tolerance(setup);
@@ -139,4 +139,4 @@ TEST(AgeTolerance, FewerSeedsThanTheLeastCannotShowIt) {
 }
 
 }  // namespace
-}  // namespace takt::margin
+}  // namespace takt::study

@@ -13,7 +13,7 @@
 #include "tests/monitor/record/recorded_demo.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-namespace takt::budget {
+namespace takt::study {
 namespace {
 
 using monitor::record_demo;
@@ -133,4 +133,4 @@ TEST_F(RecordedBudget, ARunWithoutCommandsSaysSo) {
 }
 
 }  // namespace
-}  // namespace takt::budget
+}  // namespace takt::study

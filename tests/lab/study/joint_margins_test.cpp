@@ -15,7 +15,7 @@
 #include "lab/study/gain_advice.hpp"
 #include "lab/study/injected_sine.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 namespace {
 
 config::RobotConfig robot(const std::string& file) {
@@ -141,4 +141,4 @@ TEST(JointMargins, OfDrivesOfFiveProtocolsAgree) {
 }
 
 }  // namespace
-}  // namespace takt::margin
+}  // namespace takt::study

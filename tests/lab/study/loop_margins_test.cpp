@@ -13,7 +13,7 @@
 #include "lab/study/injected_sine.hpp"
 #include "lab/study/linear_plant.hpp"
 
-namespace takt::margin {
+namespace takt::study {
 namespace {
 
 using Complex = std::complex<double>;
@@ -83,10 +83,10 @@ TEST(SineIn, FindsTheSineBesideOffsetAndDrift) {
 }
 
 // A pendulum and a cart that only friction holds: known stiffness, damping and inertia, and one joint without a drive.
-class Known final : public plant::Dynamics {
+class Known final : public simulation::Dynamics {
  public:
-  void integrate(plant::ArmState& state, const Eigen::VectorXd& tau, const std::vector<plant::Friction>& friction,
-                 Duration step) override {
+  void integrate(simulation::ArmState& state, const Eigen::VectorXd& tau,
+                 const std::vector<simulation::Friction>& friction, Duration step) override {
     const double dt = step.seconds();
     const double pendulum = (tau[0] + 9 * std::sin(state.q[0]) - friction[0].viscous * state.dq[0]) / 0.5;
     const double passive = (-4 * state.q[1] + 2 * state.q[0] - friction[1].viscous * state.dq[1]) / 0.25;
@@ -123,4 +123,4 @@ TEST(LinearPlant, SampledAsAHeldTorqueMovesIt) {
 }
 
 }  // namespace
-}  // namespace takt::margin
+}  // namespace takt::study

@@ -8,7 +8,7 @@
 #include <limits>
 #include <sstream>
 
-namespace takt::margin {
+namespace takt::study {
 namespace {
 
 LoopMargins margins(double gain) {
@@ -149,4 +149,4 @@ TEST(MarginReport, PlotHasALineAndMarksPerJoint) {
 }
 
 }  // namespace
-}  // namespace takt::margin
+}  // namespace takt::study

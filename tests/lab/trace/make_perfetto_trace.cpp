@@ -7,7 +7,7 @@
 #include "tests/lab/trace/trace_story.hpp"
 
 int main(int argc, char** argv) {
-  using namespace takt::monitor;
+  using namespace takt::lab;
   using namespace takt::monitor::testing;
   if (argc != 2) return 64;
   Story story = whole_story();

@@ -15,7 +15,7 @@ namespace {
 const OtlpSource kSource{"arm6", "run", "ab", "1", 5'000'000'000};
 
 struct Exported {
-  std::vector<TickFacts> records;
+  std::vector<lab::TickFacts> records;
   std::string lines;
 };
 
@@ -23,7 +23,7 @@ Exported exported() {
   Exported made;
   std::vector<CommandTrace> traces;
   for (std::uint64_t i = 1; i <= 20; ++i) {
-    TickFacts record;
+    lab::TickFacts record;
     record.tick = 20 * i;
     record.sequence = i;
     record.now = MonoTime{1'000'000'000} + milliseconds(static_cast<std::int64_t>(record.tick));
@@ -45,16 +45,16 @@ Exported exported() {
   return made;
 }
 
-std::vector<ToldCommand> told_by(const std::string& lines) {
+std::vector<lab::ToldCommand> told_by(const std::string& lines) {
   std::istringstream stream(lines);
-  auto told = read_told_commands(stream);
+  auto told = lab::read_told_commands(stream);
   EXPECT_TRUE(told.has_value()) << told.error();
-  return told.value_or(std::vector<ToldCommand>{});
+  return told.value_or(std::vector<lab::ToldCommand>{});
 }
 
 TEST(OtlpCheck, WhatWasExportedAgrees) {
   const Exported run = exported();
-  const OtlpCheck check = check_told_commands(told_by(run.lines), run.records);
+  const lab::OtlpCheck check = lab::check_told_commands(told_by(run.lines), run.records);
   EXPECT_EQ(check.commands, 20U);
   EXPECT_TRUE(check.agrees());
 }
@@ -62,27 +62,27 @@ TEST(OtlpCheck, WhatWasExportedAgrees) {
 TEST(OtlpCheck, AnAgeThatDiffersByMoreThanTheAgreementIsNamed) {
   Exported run = exported();
   run.records[4].age.infer = run.records[4].age.infer + microseconds(25);
-  const OtlpCheck check = check_told_commands(told_by(run.lines), run.records);
+  const lab::OtlpCheck check = lab::check_told_commands(told_by(run.lines), run.records);
   EXPECT_FALSE(check.agrees());
   ASSERT_EQ(check.disagreements.size(), 2U) << "the age and its part";
   EXPECT_EQ(check.disagreements[0].tick, 100U);
   EXPECT_EQ(check.disagreements[1].what, "infer");
-  EXPECT_NE(otlp_text(check).find("DISAGREE"), std::string::npos);
+  EXPECT_NE(lab::otlp_text(check).find("DISAGREE"), std::string::npos);
 }
 
 TEST(OtlpCheck, NothingComparedIsNoAgreement) {
-  EXPECT_FALSE(check_told_commands({}, exported().records).agrees());
-  EXPECT_EQ(check_told_commands(told_by(exported().lines), {}).unrecorded, 20U);
+  EXPECT_FALSE(lab::check_told_commands({}, exported().records).agrees());
+  EXPECT_EQ(lab::check_told_commands(told_by(exported().lines), {}).unrecorded, 20U);
 }
 
 TEST(OtlpCheck, ACutLineAndAMissingSpanAreErrors) {
   const std::string lines = exported().lines;
   std::istringstream cut(lines.substr(0, lines.size() / 3));
-  EXPECT_NE(read_told_commands(cut).error().find("line 1"), std::string::npos);
+  EXPECT_NE(lab::read_told_commands(cut).error().find("line 1"), std::string::npos);
   std::string without = lines;
   without.replace(without.find("\"infer\""), 7, "\"other\"");
   std::istringstream stream(without);
-  EXPECT_NE(read_told_commands(stream).error().find("no span infer"), std::string::npos);
+  EXPECT_NE(lab::read_told_commands(stream).error().find("no span infer"), std::string::npos);
 }
 
 }  // namespace

@@ -54,7 +54,7 @@ Events provider() {
 
 TEST(TraceNames, TheReviewReadsWhatTheProviderWrites) {
   Events read;
-  for (const TraceEventShape& shape : trace_events()) {
+  for (const lab::TraceEventShape& shape : lab::trace_events()) {
     EXPECT_EQ(static_cast<std::size_t>(shape.event), read.size()) << "not in the order of EventName: " << shape.name;
     read[std::string(shape.name)] = Names(shape.fields.begin(), shape.fields.end());
     EXPECT_EQ(read.size(), static_cast<std::size_t>(shape.event) + 1) << "twice: " << shape.name;

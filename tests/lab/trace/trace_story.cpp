@@ -15,53 +15,54 @@ AgeParts parts_at(std::uint64_t observed_tick, std::uint64_t tick) {
 }  // namespace
 
 void introduce(Story& story, const char* program, std::int64_t pid, std::uint64_t config) {
-  TraceEvent& init = story.say(EventName::init, pid, start_of(0));
+  lab::TraceEvent& init = story.say(lab::EventName::init, pid, start_of(0));
   init.process = program;
   init.config_hash = config;
 }
 
 void answer(Story& story, std::int64_t host, std::uint64_t tick, std::uint64_t id) {
   const MonoTime from = start_of(tick) + microseconds(300);
-  const auto event = [&](EventName name, MonoTime at) -> TraceEvent& {
-    TraceEvent& said = story.say(name, host, at);
+  const auto event = [&](lab::EventName name, MonoTime at) -> lab::TraceEvent& {
+    lab::TraceEvent& said = story.say(name, host, at);
     said.observation_id = id;
     said.sequence = id;
     return said;
   };
-  event(EventName::infer_begin, from + microseconds(1)).stamp = from;
-  event(EventName::infer_end, from + microseconds(401)).stamp = from + microseconds(400);
-  event(EventName::publish_begin, from + microseconds(450)).sensed = outside_for(tick);
-  event(EventName::publish_end, from + microseconds(500));
+  event(lab::EventName::infer_begin, from + microseconds(1)).stamp = from;
+  event(lab::EventName::infer_end, from + microseconds(401)).stamp = from + microseconds(400);
+  event(lab::EventName::publish_begin, from + microseconds(450)).sensed = outside_for(tick);
+  event(lab::EventName::publish_end, from + microseconds(500));
 }
 
 void run_tick(Story& story, std::int64_t pid, std::uint64_t tick) {
   const std::uint64_t observed = tick <= kEvery ? 0 : (tick - 1) / kEvery * kEvery;  // of the command in use
-  TraceEvent& begin = story.say(EventName::tick_begin, pid, start_of(tick) + microseconds(1));
+  lab::TraceEvent& begin = story.say(lab::EventName::tick_begin, pid, start_of(tick) + microseconds(1));
   begin.tick = tick;
   begin.stamp = start_of(tick);
   const AgeParts age = observed == 0 ? AgeParts{} : parts_at(observed, tick);
   if (tick % kEvery == 0) {
-    TraceEvent& published = story.say(EventName::observation_published, pid, start_of(tick) + microseconds(101));
+    lab::TraceEvent& published =
+        story.say(lab::EventName::observation_published, pid, start_of(tick) + microseconds(101));
     published.tick = tick;
     published.observation_id = tick / kEvery;
     published.sensed = sensed_for(tick);
     published.published = start_of(tick) + microseconds(100);
   }
   if (tick % kEvery == 1 && tick > kEvery) {
-    TraceEvent& consumed = story.say(EventName::command_consumed, pid, start_of(tick) + microseconds(60));
+    lab::TraceEvent& consumed = story.say(lab::EventName::command_consumed, pid, start_of(tick) + microseconds(60));
     consumed.tick = tick;
     consumed.sequence = consumed.observation_id = observed / kEvery;
     consumed.arrival = static_cast<std::uint8_t>(Arrival::accepted);
     consumed.age = age;
   }
-  TraceEvent& end = story.say(EventName::tick_end, pid, start_of(tick) + microseconds(150));
+  lab::TraceEvent& end = story.say(lab::EventName::tick_end, pid, start_of(tick) + microseconds(150));
   end.tick = tick;
   end.sequence = observed / kEvery;
   end.age_total = age.total();
   end.mode = static_cast<std::uint8_t>(Mode::tracking);
   const Freshness freshness = observed == 0 ? Freshness::missing : Freshness::fresh;
   end.freshness = static_cast<std::uint8_t>(freshness);
-  TickFacts facts;
+  lab::TickFacts facts;
   facts.tick = tick;
   facts.now = start_of(tick);
   facts.age = age;

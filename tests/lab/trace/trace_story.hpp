@@ -28,28 +28,28 @@ constexpr MonoTime outside_for(std::uint64_t tick) {
 }
 
 struct Story {
-  std::vector<TraceEvent> events;
-  std::vector<TickFacts> records;
+  std::vector<lab::TraceEvent> events;
+  std::vector<lab::TickFacts> records;
 
-  TraceEvent& say(EventName name, std::int64_t pid, MonoTime at) {
-    TraceEvent event;
+  lab::TraceEvent& say(lab::EventName name, std::int64_t pid, MonoTime at) {
+    lab::TraceEvent event;
     event.name = name;
     event.pid = pid;
     event.at = at;
     events.push_back(event);
     return events.back();
   }
-  [[nodiscard]] Timeline timeline() const {
-    Timeline timeline;
-    for (const TraceEvent& event : events) timeline.add(event);
+  [[nodiscard]] lab::Timeline timeline() const {
+    lab::Timeline timeline;
+    for (const lab::TraceEvent& event : events) timeline.add(event);
     return timeline;
   }
-  std::size_t drop(const std::function<bool(const TraceEvent&)>& which) { return std::erase_if(events, which); }
-  std::size_t drop(EventName name) {
-    return drop([name](const TraceEvent& event) { return event.name == name; });
+  std::size_t drop(const std::function<bool(const lab::TraceEvent&)>& which) { return std::erase_if(events, which); }
+  std::size_t drop(lab::EventName name) {
+    return drop([name](const lab::TraceEvent& event) { return event.name == name; });
   }
-  TraceEvent& nth(EventName name, std::size_t n) {
-    for (TraceEvent& event : events) {
+  lab::TraceEvent& nth(lab::EventName name, std::size_t n) {
+    for (lab::TraceEvent& event : events) {
       if (event.name == name && n-- == 0) return event;
     }
     throw std::out_of_range("no such event");

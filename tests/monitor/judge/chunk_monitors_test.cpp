@@ -35,7 +35,7 @@ CommandChunk chunk_of(const Joints& steps, std::uint64_t answered = 1) {
   return chunk;
 }
 
-double of(const ChunkScores& scores, ChunkScore score) {
+double of(const ChunkScores& scores, config::ChunkScore score) {
   return scores[static_cast<std::size_t>(score)];
 }
 
@@ -45,37 +45,42 @@ ChunkScores alone(const Joints& steps) {
 
 TEST(ChunkScores, AStraightWayHasNothingStrange) {
   const ChunkScores scores = alone({{0, 0}, {.5F, 0}, {1, 0}, {1.5F, 0}, {2, 0}});
-  EXPECT_NEAR(of(scores, ChunkScore::velocity), 0.5, 1e-6);
-  for (const ChunkScore score : {ChunkScore::temporal_error, ChunkScore::reversals, ChunkScore::jerk,
-                                 ChunkScore::inefficiency, ChunkScore::stall})
+  EXPECT_NEAR(of(scores, config::ChunkScore::velocity), 0.5, 1e-6);
+  for (const config::ChunkScore score :
+       {config::ChunkScore::temporal_error, config::ChunkScore::reversals, config::ChunkScore::jerk,
+        config::ChunkScore::inefficiency, config::ChunkScore::stall})
     EXPECT_NEAR(of(scores, score), 0, 1e-6) << name(score);
 }
 
 TEST(ChunkScores, BackAndForthIsReversalAndNoWay) {
   const ChunkScores scores = alone({{0, 0}, {.5F, 0}, {0, 0}, {.5F, 0}, {0, 0}});
-  EXPECT_NEAR(of(scores, ChunkScore::reversals), 0.5, 1e-9) << "one of two joints turns round at every step";
-  EXPECT_NEAR(of(scores, ChunkScore::inefficiency), 1, 1e-6);
+  EXPECT_NEAR(of(scores, config::ChunkScore::reversals), 0.5, 1e-9) << "one of two joints turns round at every step";
+  EXPECT_NEAR(of(scores, config::ChunkScore::inefficiency), 1, 1e-6);
   // d = +-0.5 of one joint of two: rms 0.354; second differences +-2: rms 1.414.
-  EXPECT_NEAR(of(scores, ChunkScore::jerk), std::sqrt(2.0) / (0.5 / std::sqrt(2.0) + ChunkScorer::kDeadband), 1e-5);
+  EXPECT_NEAR(of(scores, config::ChunkScore::jerk), std::sqrt(2.0) / (0.5 / std::sqrt(2.0) + ChunkScorer::kDeadband),
+              1e-5);
 }
 
 TEST(ChunkScores, ATurnInsideTheDeadbandIsNone) {
-  EXPECT_EQ(of(alone({{0, 0}, {.5F, 0}, {.495F, 0}, {1, 0}}), ChunkScore::reversals), 0);
+  EXPECT_EQ(of(alone({{0, 0}, {.5F, 0}, {.495F, 0}, {1, 0}}), config::ChunkScore::reversals), 0);
 }
 
 TEST(ChunkScores, StandingStillIsStall) {
-  EXPECT_NEAR(of(alone({{0, 0}, {0, 0}, {0, 0}, {0, .5F}}), ChunkScore::stall), 2.0 / 3, 1e-9);
+  EXPECT_NEAR(of(alone({{0, 0}, {0, 0}, {0, 0}, {0, .5F}}), config::ChunkScore::stall), 2.0 / 3, 1e-9);
 }
 
 TEST(ChunkScores, TwoAnswersAreComparedAtTheSameInstants) {
   ChunkScorer scorer(robot_of_two());
-  EXPECT_EQ(of(scorer.score(chunk_of({{0, 0}, {1, 0}, {2, 0}, {3, 0}}), MonoTime{0}), ChunkScore::temporal_error), 0);
+  EXPECT_EQ(
+      of(scorer.score(chunk_of({{0, 0}, {1, 0}, {2, 0}, {3, 0}}), MonoTime{0}), config::ChunkScore::temporal_error), 0);
   // One and a half steps later the earlier answer says 1.5, 2.5 and then nothing.
   const MonoTime later = MonoTime{0} + milliseconds(150);
-  EXPECT_NEAR(of(scorer.score(chunk_of({{1.5F, 0}, {2.5F, 0}, {9, 9}, {9, 9}}), later), ChunkScore::temporal_error), 0,
-              1e-6);
-  EXPECT_NEAR(of(scorer.score(chunk_of({{3.5F, 0}, {4.5F, 0}, {9, 9}, {9, 9}}), later), ChunkScore::temporal_error),
-              2.0 / std::sqrt(4.0), 1e-6)
+  EXPECT_NEAR(
+      of(scorer.score(chunk_of({{1.5F, 0}, {2.5F, 0}, {9, 9}, {9, 9}}), later), config::ChunkScore::temporal_error), 0,
+      1e-6);
+  EXPECT_NEAR(
+      of(scorer.score(chunk_of({{3.5F, 0}, {4.5F, 0}, {9, 9}, {9, 9}}), later), config::ChunkScore::temporal_error),
+      2.0 / std::sqrt(4.0), 1e-6)
       << "two of two joints' eight values are 2 apart";
 }
 
@@ -84,7 +89,7 @@ TEST(ChunkScores, AnswersOfOneStepAreAPathTogether) {
   ChunkScores newest{};
   for (int answer = 0; answer < 6; ++answer)
     newest = scorer.score(chunk_of({{answer % 2 == 0 ? 0.F : .5F, 0}}), MonoTime{answer});
-  EXPECT_NEAR(of(newest, ChunkScore::reversals), 0.5, 1e-9);
+  EXPECT_NEAR(of(newest, config::ChunkScore::reversals), 0.5, 1e-9);
 }
 
 // A policy that is asked in every tick.
@@ -127,7 +132,7 @@ class Watched {
 };
 
 config::ChunkMonitors two_of_three() {
-  return {.votes = 2, .of = 3, .thresholds = {{ChunkScore::reversals, 0.3}}};
+  return {.votes = 2, .of = 3, .thresholds = {{config::ChunkScore::reversals, 0.3}}};
 }
 
 TEST(ChunkMonitors, ACatchIsVotesOfTheNewest) {
@@ -140,7 +145,7 @@ TEST(ChunkMonitors, ACatchIsVotesOfTheNewest) {
   watched.torn();
   ASSERT_EQ(watched.monitors().catch_count(), 1U);
   const PolicyCatch& caught = watched.monitors().catches().front();
-  EXPECT_EQ(caught.score, ChunkScore::reversals);
+  EXPECT_EQ(caught.score, config::ChunkScore::reversals);
   EXPECT_EQ(caught.tick, 6U);
   EXPECT_EQ(caught.observation, 5U);
   EXPECT_EQ(caught.sentence, "reversals 0.5 or more in 2 of 3 answers, above 0.3; the last one answers observation 5");
@@ -155,11 +160,11 @@ TEST(ChunkMonitors, ACatchIsVotesOfTheNewest) {
 TEST(ChunkMonitors, TheLevelIsWhatAThresholdBelowItWouldHaveCaught) {
   Watched watched(two_of_three());
   watched.torn();
-  EXPECT_EQ(of(watched.monitors().levels(), ChunkScore::reversals), 0);
+  EXPECT_EQ(of(watched.monitors().levels(), config::ChunkScore::reversals), 0);
   watched.straight();
-  EXPECT_EQ(of(watched.monitors().levels(), ChunkScore::reversals), 0) << "one of two reached it";
+  EXPECT_EQ(of(watched.monitors().levels(), config::ChunkScore::reversals), 0) << "one of two reached it";
   watched.torn();
-  EXPECT_EQ(of(watched.monitors().levels(), ChunkScore::reversals), 0.5);
+  EXPECT_EQ(of(watched.monitors().levels(), config::ChunkScore::reversals), 0.5);
 }
 
 TEST(ChunkMonitors, WhatTheRobotDoesNotFollowIsNotWatched) {

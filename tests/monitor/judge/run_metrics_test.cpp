@@ -117,9 +117,10 @@ TEST_F(RunMetricsTest, AMarkIsListedWithItsTick) {
   EXPECT_EQ(metrics->marks[0].tick, kDemoMark);
   std::ifstream file(run_.folder.metrics());
   EXPECT_EQ(nlohmann::json::parse(file).at("marks").at(0).at("tick"), kDemoMark);
-  EXPECT_NE(report_text(*metrics, run_).find(fmt::format("marks         1\n  tick {:>9}      +0.699 s\n", kDemoMark)),
+  EXPECT_NE(evidence::report_text(*metrics, run_)
+                .find(fmt::format("marks         1\n  tick {:>9}      +0.699 s\n", kDemoMark)),
             std::string::npos)
-      << report_text(*metrics, run_);
+      << evidence::report_text(*metrics, run_);
 }
 
 // Goal: what an operator said of a mark stands with it, and another's mark with none. Method: the answers of the
@@ -138,7 +139,7 @@ TEST_F(RunMetricsTest, AMarkHasTheTextThatItsOperatorGave) {
   EXPECT_EQ(metrics->marks[0].text, "it slips: left");
   std::ifstream file(run_.folder.metrics());
   EXPECT_EQ(nlohmann::json::parse(file).at("marks").at(0).at("text"), "it slips: left");
-  EXPECT_NE(report_text(*metrics, run_).find("+0.699 s  it slips: left\n"), std::string::npos);
+  EXPECT_NE(evidence::report_text(*metrics, run_).find("+0.699 s  it slips: left\n"), std::string::npos);
 }
 
 // Goal: a run in which the robot was never armed says so, and why, before anything else. Method: metrics of a standby
@@ -146,15 +147,16 @@ TEST_F(RunMetricsTest, AMarkHasTheTextThatItsOperatorGave) {
 TEST_F(RunMetricsTest, ARunThatWasNeverArmedSaysWhy) {
   RunMetrics metrics;
   metrics.ticks = metrics.ticks_in_mode[static_cast<std::size_t>(Mode::standby)] = 10;
-  EXPECT_NE(report_text(metrics, run_).find("stops         none: it was never armed\n"), std::string::npos);
+  EXPECT_NE(evidence::report_text(metrics, run_).find("stops         none: it was never armed\n"), std::string::npos);
   NotedRequest refused;
   refused.action = "arm";
   refused.answer = "no camera";
   metrics.requests = {refused, refused};
-  EXPECT_NE(report_text(metrics, run_).find("stops         none: it was never armed, refused by: no camera\n"),
-            std::string::npos);
+  EXPECT_NE(
+      evidence::report_text(metrics, run_).find("stops         none: it was never armed, refused by: no camera\n"),
+      std::string::npos);
   metrics.ticks = 11;
-  EXPECT_NE(report_text(metrics, run_).find("stops         none\n"), std::string::npos);
+  EXPECT_NE(evidence::report_text(metrics, run_).find("stops         none\n"), std::string::npos);
 }
 
 // Goal: a request that was refused again and again takes one line of the report. Method: three refusals by one process,
@@ -167,13 +169,13 @@ TEST_F(RunMetricsTest, ARequestThatIsRepeatedIsOneLine) {
   another.pid = 8;
   granted.done = true;
   metrics->requests = {refused, refused, refused, another, granted};
-  EXPECT_NE(report_text(*metrics, run_)
+  EXPECT_NE(evidence::report_text(*metrics, run_)
                 .find("requests      5\n"
                       "      +0.000 s  arm by pid 7 (takt), user 1000: refused: no fresh command (3 times)\n"
                       "      +0.000 s  arm by pid 8 (takt), user 1000: refused: no fresh command\n"
                       "      +0.000 s  arm by pid 7 (takt), user 1000\n"),
             std::string::npos)
-      << report_text(*metrics, run_);
+      << evidence::report_text(*metrics, run_);
 }
 
 TEST_F(RunMetricsTest, MetricsFileAndReportSayTheSame) {
@@ -185,7 +187,7 @@ TEST_F(RunMetricsTest, MetricsFileAndReportSayTheSame) {
   EXPECT_EQ(json.at("deadline_misses").at("per_tick").at("misses"), metrics->misses_per_tick.misses);
   EXPECT_EQ(json.at("age_ns").at("per_command").at("total").at("p50"), 37e6);
   EXPECT_EQ(json.at("degraded_by_p95"), true);
-  const std::string text = report_text(*metrics, run_);
+  const std::string text = evidence::report_text(*metrics, run_);
   EXPECT_NE(text.find("command_lost"), std::string::npos) << text;
   EXPECT_NE(text.find("violated"), std::string::npos) << text;
 }
@@ -196,7 +198,7 @@ TEST(ContractText, SaysWhatTheTwoVerdictsMeanTogether) {
     RunMetrics metrics;
     metrics.misses_per_command = {.misses = 2, .count = 435, .verdict = by_command};
     metrics.misses_per_tick = {.misses = 801, .count = 9694, .rate = 801.0 / 9694, .verdict = by_time};
-    const std::string all = contract_text(metrics);
+    const std::string all = evidence::contract_text(metrics);
     const std::string facts = "2 of 435 commands missed, and 8.26 % of the time there was no usable one: ";
     return all.starts_with(facts) ? all.substr(facts.size()) : all;
   };
@@ -206,7 +208,7 @@ TEST(ContractText, SaysWhatTheTwoVerdictsMeanTogether) {
   EXPECT_EQ(text(violated, held), "many losses, but short ones; violated by commands, held by time");
   EXPECT_EQ(text(violated, violated), "the contract was violated");
   EXPECT_EQ(text(undecided, violated), "too few commands to decide; by time the contract was violated");
-  EXPECT_EQ(contract_text({}), "");
+  EXPECT_EQ(evidence::contract_text({}), "");
 }
 
 // One pass must say what two passes say, losses and damage included.
@@ -214,13 +216,14 @@ TEST_F(RunMetricsTest, AReviewIsTheMetricsAndTheFaults) {
   const RecordedRun torn = altered_copy(
       run_, path("torn"), [](TickRecord&) {}, [](RecordedCommand&) {}, [](std::uint64_t tick) { return tick < 2'000; });
   for (const RecordedRun* run : {&run_, &torn}) {
-    auto review = review_of(*run);
+    auto review = evidence::review_of(*run);
     ASSERT_TRUE(review) << review.error();
-    for (Incident& incident : review->metrics.incidents) incident.counterfactual.clear();  // replay's word alone
+    for (incident::Incident& incident : review->metrics.incidents)
+      incident.counterfactual.clear();  // replay's word alone
     EXPECT_EQ(to_json(review->metrics, *run), to_json(*metrics_of(*run), *run));
     EXPECT_EQ(to_json(review->faults), to_json(*classify_run(*run)));
   }
-  const std::string text = report_text(*metrics_of(torn), torn);
+  const std::string text = evidence::report_text(*metrics_of(torn), torn);
   EXPECT_NE(text.find("2001 of 4000 recorded ticks cannot be read"), std::string::npos) << text;
 }
 
@@ -228,12 +231,13 @@ TEST_F(RunMetricsTest, AReviewIsTheMetricsAndTheFaults) {
 TEST_F(RunMetricsTest, WhatTheMachineLacksStandsBesideItsRealTime) {
   RecordedRun lacking = run_;
   lacking.manifest.executive["realtime"] = true;
-  EXPECT_NE(report_text(*metrics_of(lacking), lacking).find("real-time     yes\n"), std::string::npos);
+  EXPECT_NE(evidence::report_text(*metrics_of(lacking), lacking).find("real-time     yes\n"), std::string::npos);
   lacking.manifest.executive["realtime_steps"] = {
       {{"name", "sched_fifo"}, {"ok", true}, {"essential", true}, {"detail", "priority 80"}},
       {{"name", "kernel"}, {"ok", false}, {"essential", false}, {"detail", "not PREEMPT_RT"}}};
-  EXPECT_NE(report_text(*metrics_of(lacking), lacking).find("real-time     yes; but kernel: not PREEMPT_RT\n"),
-            std::string::npos);
+  EXPECT_NE(
+      evidence::report_text(*metrics_of(lacking), lacking).find("real-time     yes; but kernel: not PREEMPT_RT\n"),
+      std::string::npos);
 }
 
 TEST_F(RunMetricsTest, WhatIsNotWhatItsTopicSaysIsCounted) {
@@ -256,7 +260,7 @@ TEST_F(RunMetricsTest, WhatIsNotWhatItsTopicSaysIsCounted) {
   ASSERT_TRUE(metrics);
   EXPECT_EQ(metrics->ticks, 1U);
   EXPECT_EQ(metrics->scan.undecodable, 1U);
-  const std::string text = report_text(*metrics, odd);
+  const std::string text = evidence::report_text(*metrics, odd);
   EXPECT_NE(text.find("not what their topic says, skipped: 1"), std::string::npos) << text;
 }
 

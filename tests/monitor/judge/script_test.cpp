@@ -53,9 +53,9 @@ class ScriptTest : public test::TemporaryFolder {
 
 TEST_F(ScriptTest, AKilledPolicyIsNamedAndAskedFor) {
   write({{milliseconds(700), script("kill", "takt-policy-host")}, {milliseconds(699), ended("takt-policy-host")}});
-  const RunReview review = *review_of(run_);
+  const evidence::RunReview review = *evidence::review_of(run_);
   ASSERT_EQ(review.metrics.incidents.size(), 1U);
-  const Incident& incident = review.metrics.incidents[0];
+  const incident::Incident& incident = review.metrics.incidents[0];
   const std::string known = "; takt-policy-host was killed by SIGKILL, 699 ms before; scripted: --at '3 s: kill', ";
   EXPECT_TRUE(incident.asked);
   EXPECT_EQ(incident.sentence.find("stop asked for at tick "), 0U) << incident.sentence;
@@ -75,7 +75,7 @@ TEST_F(ScriptTest, AKilledPolicyIsNamedAndAskedFor) {
 }
 
 TEST_F(ScriptTest, WhatDiedByItselfIsNamedAndNotAskedFor) {
-  const Incident incident = with({{milliseconds(700), ended("takt-policy-host")}}).incidents.at(0);
+  const incident::Incident incident = with({{milliseconds(700), ended("takt-policy-host")}}).incidents.at(0);
   EXPECT_FALSE(incident.asked);
   EXPECT_EQ(incident.sentence.find("stop at tick "), 0U) << incident.sentence;
   EXPECT_NE(incident.sentence.find("; takt-policy-host was killed by SIGKILL, 700 ms before;"), std::string::npos);
@@ -123,7 +123,7 @@ TEST_F(ScriptTest, WhatThePolicysHostSaysIsTheReason) {
     return fmt::format(R"("event":"policy","role":"{}","kind":"problem","what":"{}")", role, what);
   };
   const RunMetrics metrics = with({{milliseconds(450), said("policy server far has no policy")}});
-  const Incident& incident = metrics.incidents.at(0);
+  const incident::Incident& incident = metrics.incidents.at(0);
   EXPECT_NE(incident.sentence.find("; policy: policy server far has no policy, 450 ms before;"), std::string::npos)
       << incident.sentence;
   EXPECT_EQ(incident.sentence.find(kHint), std::string::npos) << incident.sentence;
@@ -135,7 +135,7 @@ TEST_F(ScriptTest, WhatThePolicysHostSaysIsTheReason) {
         std::vector<Line>{{milliseconds(450), said("no sensor", "candidate policy")}},
         std::vector<Line>{{milliseconds(-900), said("no sensor")}}})
     EXPECT_NE(with(other).incidents.at(0).sentence.find(kHint), std::string::npos);
-  const Incident killed =
+  const incident::Incident killed =
       with({{milliseconds(700), said("its host left")}, {milliseconds(699), ended("takt-policy-host")}})
           .incidents.at(0);
   EXPECT_NE(killed.sentence.find("; takt-policy-host was killed by SIGKILL, 699 ms before;"), std::string::npos)
@@ -154,7 +154,7 @@ TEST_F(ScriptTest, WhoseCommandsTheyWereIsTold) {
   ASSERT_EQ(metrics.command_sources.size(), 2U);
   EXPECT_EQ(metrics.command_sources[1].what, "policy server near");
   EXPECT_EQ(to_json(metrics, run_)["command_sources"][1].at("first_sequence"), 41);
-  const std::string text = report_text(metrics, run_);
+  const std::string text = evidence::report_text(metrics, run_);
   EXPECT_NE(text.find("policy: from command 41 on of policy server near"), std::string::npos) << text;
 }
 

@@ -22,16 +22,16 @@ namespace takt::monitor {
 namespace {
 
 void write_truth(const RecordedRun& run, const std::string& path) {
-  auto arm = plant::ArmDynamics::make(run.robot);
-  auto truth = plant::TruthLog::create(path);
+  auto arm = simulation::ArmDynamics::make(run.robot);
+  auto truth = simulation::TruthLog::create(path);
   if (!arm || !truth) throw std::runtime_error(arm ? truth.error() : arm.error());
   const auto joints = static_cast<Eigen::Index>(run.robot.joints.size());
-  plant::ArmState state{Eigen::VectorXd::Zero(joints), Eigen::VectorXd::Zero(joints)};
+  simulation::ArmState state{Eigen::VectorXd::Zero(joints), Eigen::VectorXd::Zero(joints)};
   const auto write = [&](const RecordedTick& tick) {
     if (tick.record.header.tick % 10 != 0) return;
     for (Eigen::Index joint = 0; joint < joints; ++joint) state.q[joint] = tick.record.joints[joint].feedback.q;
     const MonoTime now = tick.record.header.now;
-    truth->write({now, state, (*arm)->tool_position(state.q), plant::target_at(*run.robot.simulation, {now.ns})});
+    truth->write({now, state, (*arm)->tool_position(state.q), simulation::target_at(*run.robot.simulation, {now.ns})});
   };
   const auto scanned = scan_run(run, {.tick = write, .command = {}, .keyframe = {}, .loss = {}});
   if (!scanned) throw std::runtime_error(scanned.error());
@@ -39,9 +39,10 @@ void write_truth(const RecordedRun& run, const std::string& path) {
 
 void write_page(const RecordedRun& run, const RunMetrics& metrics, const std::string& path, std::size_t whole_bytes) {
   const auto faults = classify_run(run);
-  const auto series = faults ? series_of(run, metrics, *faults, "", whole_bytes) : std::unexpected(faults.error());
+  const auto series =
+      faults ? evidence::series_of(run, metrics, *faults, "", whole_bytes) : std::unexpected(faults.error());
   if (!series) throw std::runtime_error(series.error());
-  const auto written = replace_file(path, report_html({run, metrics, *faults, *series, std::nullopt}));
+  const auto written = replace_file(path, evidence::report_html({run, metrics, *faults, *series, std::nullopt}));
   if (!written) throw std::runtime_error(written.error());
 }
 
@@ -51,7 +52,7 @@ void write_page_with_gap(const RecordedRun& run, const std::string& path) {
       [](std::uint64_t tick) { return tick < 2'200 || tick >= 2'700; });
   const auto metrics = metrics_of(torn);
   if (!metrics) throw std::runtime_error(metrics.error());
-  write_page(torn, *metrics, path, kWholeBytes);
+  write_page(torn, *metrics, path, evidence::kWholeBytes);
 }
 
 constexpr std::uint64_t kTicksPerSecond = 1'000;

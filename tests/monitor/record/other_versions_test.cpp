@@ -115,7 +115,7 @@ TEST_F(OtherVersions, FieldsGoByTheirNames) {
   ASSERT_EQ(found.size(), kDemoTicks);
   for (const auto& [tick, record] : found)
     ASSERT_EQ(std::memcmp(&record, &expected.at(tick), record.used_bytes()), 0) << tick;
-  const auto replayed = replay(other, 1);
+  const auto replayed = evidence::replay(other, 1);
   ASSERT_FALSE(replayed);
   EXPECT_THAT(replayed.error(),
               HasSubstr("cannot be replayed bit for bit: its ticks hold `weather`, which this version "
@@ -127,7 +127,7 @@ TEST_F(OtherVersions, FieldsGoByTheirNames) {
 TEST_F(OtherVersions, WhatItRecordedReplays) {
   const std::string description = without(without(tick_schema(), "int64 age "), "float32[] tau_total");
   const auto replayed =
-      replay(described(description, false, [](TickRecord& record) { record.joints[0].tau_total += 1; }), 1);
+      evidence::replay(described(description, false, [](TickRecord& record) { record.joints[0].tau_total += 1; }), 1);
   ASSERT_TRUE(replayed) << replayed.error();
   EXPECT_EQ(replayed->identical, kDemoTicks);
   EXPECT_EQ(replayed->mismatches, 0U);
@@ -137,7 +137,7 @@ TEST_F(OtherVersions, WhatItRecordedReplays) {
 
 TEST_F(OtherVersions, WhatItRecordedIsStillCompared) {
   const auto alter = [](TickRecord& record) { record.joints[1].q_reference += record.header.tick == 900 ? 1 : 0; };
-  const auto replayed = replay(described(without(tick_schema(), "int64 age "), false, alter), 1);
+  const auto replayed = evidence::replay(described(without(tick_schema(), "int64 age "), false, alter), 1);
   ASSERT_TRUE(replayed) << replayed.error();
   ASSERT_TRUE(replayed->first);
   EXPECT_EQ(replayed->first->tick, 900U);
@@ -145,7 +145,7 @@ TEST_F(OtherVersions, WhatItRecordedIsStillCompared) {
 }
 
 TEST_F(OtherVersions, OneThatLacksAnInputIsNotReplayed) {
-  const auto replayed = replay(described(without(tick_schema(), "int64 lateness ")), 1);
+  const auto replayed = evidence::replay(described(without(tick_schema(), "int64 lateness ")), 1);
   ASSERT_FALSE(replayed);
   EXPECT_THAT(replayed.error(), HasSubstr("its ticks lack `lateness`, which decides (made by takt "));
 }

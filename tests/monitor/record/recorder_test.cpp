@@ -110,7 +110,7 @@ class RecorderTest : public test::TemporaryFolder {
     EXPECT_TRUE(std::any_of(run.manifest.first_losses.begin(), run.manifest.first_losses.end(), [&](const Loss& loss) {
       return loss.reason == "recording_stopped" && loss.after_tick == ticks.back();
     }));
-    const auto report = replay(run, 1);
+    const auto report = evidence::replay(run, 1);
     ASSERT_TRUE(report);
     EXPECT_EQ(report->identical, ticks.size()) << "what is there still reproduces";
   }
@@ -207,7 +207,7 @@ TEST_F(RecorderTest, KeepsTheDrivesCards) {
   EXPECT_EQ(run.folder.read_manifest()->drives.at("drives")[0].at("facts")[0].at("value"), "5012") << "quoted";
   const auto metrics = metrics_of(run);
   ASSERT_TRUE(metrics);
-  const std::string report = report_text(*metrics, run);
+  const std::string report = evidence::report_text(*metrics, run);
   EXPECT_NE(report.find("drives        elbow (mit): DIFFERS: firmware 5012 (should be 5013), mode 1 (MIT); unknown: "
                         "home; watchdog waived: seen to stop\n"),
             std::string::npos)
@@ -240,7 +240,7 @@ TEST_F(RecorderTest, ARunWithoutCardsSaysNothingOfDrives) {
   const RecordedRun run = opened(path("run"));
   EXPECT_TRUE(run.manifest.drives.is_null());
   EXPECT_FALSE(std::filesystem::exists(run.folder.drives()));
-  EXPECT_EQ(report_text(*metrics_of(run), run).find("drives  "), std::string::npos);
+  EXPECT_EQ(evidence::report_text(*metrics_of(run), run).find("drives  "), std::string::npos);
 }
 
 // A monitor that slept for longer than the ring is long: what it missed is declared, the rest is right and replays.
@@ -259,10 +259,10 @@ TEST_F(RecorderTest, ASlowMonitorDeclaresWhatItMissed) {
   ASSERT_TRUE(metrics);
   EXPECT_EQ(metrics->missing_ticks, 12'000U - ticks.size());
   EXPECT_EQ(metrics->losses, run.manifest.losses) << "the losses stand in ticks.mcap as well";
-  EXPECT_NE(report_text(*metrics, run).find("tick overwritten"), std::string::npos);
-  const auto report = replay(run, 1);
+  EXPECT_NE(evidence::report_text(*metrics, run).find("tick overwritten"), std::string::npos);
+  const auto report = evidence::replay(run, 1);
   ASSERT_TRUE(report);
-  EXPECT_TRUE(report->reproduces()) << replay_text(*report);
+  EXPECT_TRUE(report->reproduces()) << evidence::replay_text(*report);
   EXPECT_GE(report->gaps, 1U);
   EXPECT_GT(report->not_judged, 0U);
 }
@@ -277,9 +277,9 @@ TEST_F(RecorderTest, ALateMonitorBeginsWithWhatTheRingsHold) {
   const RecordedRun run = opened(path("run"));
   EXPECT_EQ(run.manifest.losses.at("tick before_attach"), run.manifest.first_tick - 1);
   EXPECT_EQ(run.manifest.last_tick, 9'500U);
-  const auto report = replay(run, 1);
+  const auto report = evidence::replay(run, 1);
   ASSERT_TRUE(report);
-  EXPECT_TRUE(report->reproduces()) << replay_text(*report);
+  EXPECT_TRUE(report->reproduces()) << evidence::replay_text(*report);
 }
 
 TEST_F(RecorderTest, TheSizeLimitStopsRecordingWithADeclaredLoss) {
@@ -316,7 +316,7 @@ TEST_F(RecorderTest, AFullDiskStopsRecordingWithADeclaredLoss) {
     std::ofstream(disk + "/filler") << std::string(600'000, 'x');  // another process's file
     expect_declared_stop(disk + "/run", *recorder, stream);
     EXPECT_NE(recorder->stop_reason().find("No space left"), std::string::npos) << recorder->stop_reason();
-    EXPECT_TRUE(replay(opened(disk + "/run"), 1)->file.finished) << "the reserve had room for the index";
+    EXPECT_TRUE(evidence::replay(opened(disk + "/run"), 1)->file.finished) << "the reserve had room for the index";
   }
   EXPECT_EQ(::umount(disk.c_str()), 0);
 }
@@ -416,12 +416,12 @@ TEST_F(RecorderTest, ARunCutOffLosesAtMostItsLastSecond) {
   EXPECT_FALSE(run.manifest.complete);
   const auto ticks = ticks_in(run);
   EXPECT_GE(ticks.size(), 3'350U - 1'000U);
-  const auto report = replay(run, 1);
+  const auto report = evidence::replay(run, 1);
   ASSERT_TRUE(report);
   EXPECT_EQ(report->identical, ticks.size());
   EXPECT_FALSE(report->file.finished);
   const std::string said = fmt::format("what came after tick {} is not in this folder", ticks.back());
-  EXPECT_NE(replay_text(*report).find(said), std::string::npos) << replay_text(*report);
+  EXPECT_NE(evidence::replay_text(*report).find(said), std::string::npos) << evidence::replay_text(*report);
   EXPECT_FALSE(report->is_whole());
 }
 

@@ -105,10 +105,10 @@ TEST_F(RunPartsTest, AHundredSeamsWhileTrackingCostNothing) {
       EXPECT_EQ(ends.first_keyframe.tick, before.last) << folder;
       EXPECT_EQ(ends.first_keyframe.state, before.last_keyframe.state) << "both sides of the seam know the same state";
     }
-    const auto replayed = replay(run, 1);
+    const auto replayed = evidence::replay(run, 1);
     ASSERT_TRUE(replayed) << replayed.error();
-    EXPECT_EQ(replayed->identical, ends.ticks) << replay_text(*replayed);
-    EXPECT_TRUE(replayed->is_whole() && replayed->reproduces()) << replay_text(*replayed);
+    EXPECT_EQ(replayed->identical, ends.ticks) << evidence::replay_text(*replayed);
+    EXPECT_TRUE(replayed->is_whole() && replayed->reproduces()) << evidence::replay_text(*replayed);
     identical += replayed->identical;
     const auto seal = check_run_seal(run.folder);
     ASSERT_TRUE(seal) << seal.error();
@@ -135,9 +135,10 @@ TEST_F(RunPartsTest, AHundredSeamsWhileTrackingCostNothing) {
   EXPECT_EQ(check_run_seal(RunFolder(middle.folder.path() + "/"))->altered.size(), 1U) << "as a shell completes it";
   ASSERT_TRUE(replace_file(part(49).folder.seal(), seal));
   EXPECT_EQ(check_run_seal(middle.folder)->altered, std::vector<std::string>{});
-  EXPECT_NE(report_text(*metrics_of(middle), middle).find("part          goes on from run.50, goes on in run.52\n"),
-            std::string::npos)
-      << report_text(*metrics_of(middle), middle);
+  EXPECT_NE(
+      evidence::report_text(*metrics_of(middle), middle).find("part          goes on from run.50, goes on in run.52\n"),
+      std::string::npos)
+      << evidence::report_text(*metrics_of(middle), middle);
 }
 
 // Goal: a record that grows slowly goes on in parts, too: what its index and its seal hold in memory has an end.
@@ -214,9 +215,9 @@ TEST_F(RunPartsTest, WhatAKillLeavesAtASeamReads) {
         EXPECT_EQ(seal->altered, std::vector<std::string>{}) << copy << name;
       }
       if (ends.ticks == 0) continue;
-      const auto replayed = replay(*run, 1);
+      const auto replayed = evidence::replay(*run, 1);
       ASSERT_TRUE(replayed) << replayed.error();
-      EXPECT_EQ(replayed->identical, ends.ticks) << replay_text(*replayed);
+      EXPECT_EQ(replayed->identical, ends.ticks) << evidence::replay_text(*replayed);
       EXPECT_TRUE(metrics_of(*run)) << copy << name;
     }
     EXPECT_EQ(open_run(copy + "/run.3")->manifest.goes_on_from, "run.2");
@@ -245,7 +246,7 @@ TEST_F(RunPartsTest, AFullDiskEndsTheNewestPart) {
       std::uint64_t ticks = 0;
       ASSERT_TRUE(
           scan_run(run, {.tick = [&](const RecordedTick&) { ++ticks; }, .command = {}, .keyframe = {}, .loss = {}}));
-      EXPECT_EQ(replay(run, 1)->identical, ticks);
+      EXPECT_EQ(evidence::replay(run, 1)->identical, ticks);
       EXPECT_EQ(run.manifest.ticks, ticks);
       if (i + 1 < folders_.size()) {
         EXPECT_EQ(run.manifest.goes_on_in, RunFolder(folders_[i + 1]).name());
@@ -297,10 +298,10 @@ TEST_P(Standby, OneTickInTwentyIsKeptAndReplaysExactly) {
                                      if (loss.ring == "policy_input") inputs_left_out += loss.count;
                                    },
                                .policy_input = [&](const RecordedPolicyInput&) { ++inputs_kept; }}));
-    const auto replayed = replay(run, 1);
+    const auto replayed = evidence::replay(run, 1);
     ASSERT_TRUE(replayed) << replayed.error();
-    EXPECT_EQ(replayed->identical, here) << replay_text(*replayed);
-    EXPECT_TRUE(replayed->is_whole()) << replay_text(*replayed);
+    EXPECT_EQ(replayed->identical, here) << evidence::replay_text(*replayed);
+    EXPECT_TRUE(replayed->is_whole()) << evidence::replay_text(*replayed);
     EXPECT_EQ(replayed->gaps, 0U);
     const auto metrics = metrics_of(run);
     ASSERT_TRUE(metrics);
@@ -308,7 +309,7 @@ TEST_P(Standby, OneTickInTwentyIsKeptAndReplaysExactly) {
     EXPECT_EQ(metrics->missing_ticks, 0U);
     EXPECT_TRUE(metrics->losses.empty() && run.manifest.losses.empty());
     EXPECT_EQ(metrics->stood_by_ticks, run.manifest.stood_by_ticks);
-    EXPECT_EQ(report_text(*metrics, run).find("standby       one tick in 20 kept; ") != std::string::npos,
+    EXPECT_EQ(evidence::report_text(*metrics, run).find("standby       one tick in 20 kept; ") != std::string::npos,
               metrics->stood_by_ticks != 0);
     stood_by += metrics->stood_by_ticks;
     frames += static_cast<std::uint64_t>(std::ranges::count(read_frame_log(run.folder).value(), '\n'));

@@ -9,6 +9,8 @@
 #include <random>
 #include <vector>
 
+#include "evidence/review/tick_difference.hpp"
+
 namespace takt::monitor {
 namespace {
 
@@ -97,7 +99,7 @@ TEST(TickSchema, NoShorterMessageIsATick) {
 TEST(TickSchema, EveryFlippedBitIsLocated) {
   const TickRecord original = random_record(7, 3, 2);
   const std::uint32_t crc = crc_of(original);
-  const auto check = [&](std::span<const TickField> fields, std::size_t base, FieldPlace::Group group,
+  const auto check = [&](std::span<const TickField> fields, std::size_t base, evidence::FieldPlace::Group group,
                          std::size_t index) {
     for (const TickField& field : fields) {
       if (field.name == "joint_count" || field.name == "bus_count") continue;  // they fix the message's length
@@ -106,21 +108,21 @@ TEST(TickSchema, EveryFlippedBitIsLocated) {
         auto* bytes = std::as_writable_bytes(std::span(&altered.record, 1)).data();
         bytes[base + field.offset + bit / 8] ^= std::byte{static_cast<unsigned char>(1U << (bit % 8))};
         TickRecord mended;
-        const auto place = locate_flipped_bit(altered, mended);
+        const auto place = evidence::locate_flipped_bit(altered, mended);
         ASSERT_TRUE(place) << field.name;
         EXPECT_EQ(place->field->name, field.name);
         EXPECT_EQ(place->group, group);
         EXPECT_EQ(place->index, index);
         EXPECT_EQ(std::memcmp(&mended, &original, original.used_bytes()), 0);
-        const auto difference = first_difference(altered.record, original);
+        const auto difference = evidence::first_difference(altered.record, original);
         ASSERT_TRUE(difference);
         EXPECT_EQ(difference->offset, place->offset);
       }
     }
   };
-  check(header_fields(), 0, FieldPlace::Group::header, 0);
-  check(bus_fields(), offsetof(TickRecordHeader, buses) + sizeof(BusHealth), FieldPlace::Group::bus, 1);
-  check(joint_fields(), sizeof(TickRecordHeader) + 2 * sizeof(JointRecord), FieldPlace::Group::joint, 2);
+  check(header_fields(), 0, evidence::FieldPlace::Group::header, 0);
+  check(bus_fields(), offsetof(TickRecordHeader, buses) + sizeof(BusHealth), evidence::FieldPlace::Group::bus, 1);
+  check(joint_fields(), sizeof(TickRecordHeader) + 2 * sizeof(JointRecord), evidence::FieldPlace::Group::joint, 2);
 }
 
 TEST(TickSchema, ValuesReadAsPeopleSayThem) {
@@ -130,16 +132,16 @@ TEST(TickSchema, ValuesReadAsPeopleSayThem) {
   record.joints[0].q_estimate = 0.1F;
   TickRecord other = record;
   other.header.mode = Mode::tracking;
-  auto place = first_difference(record, other);
+  auto place = evidence::first_difference(record, other);
   ASSERT_TRUE(place);
-  EXPECT_EQ(value_text(record, *place), "degraded (3)");
+  EXPECT_EQ(evidence::value_text(record, *place), "degraded (3)");
   other = record;
   other.joints[0].q_estimate = 0.10000001F;
-  place = first_difference(record, other);
+  place = evidence::first_difference(record, other);
   ASSERT_TRUE(place);
   EXPECT_EQ(place->field->name, "q_estimate");
-  EXPECT_NE(value_text(record, *place), value_text(other, *place));
-  EXPECT_FALSE(first_difference(record, record));
+  EXPECT_NE(evidence::value_text(record, *place), evidence::value_text(other, *place));
+  EXPECT_FALSE(evidence::first_difference(record, record));
 }
 
 TEST(TickSchema, SchemaNamesEveryFieldAndEnumValue) {

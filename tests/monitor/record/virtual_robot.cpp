@@ -41,7 +41,7 @@ VirtualRobot::RingMemory::RingMemory(const ipc::RingShape& shape)
     : size(ipc::ring_bytes(shape)), data(zeroed(size), &std::free), writer({data.get(), size}, shape) {}
 
 VirtualRobot::VirtualRobot(const config::RobotConfig& robot)
-    : config_(config::tick_config_of(robot, kPolicyHash)),
+    : config_(setup::tick_config_of(robot, kPolicyHash)),
       state_(pipeline::make_tick_state(config_)),
       ticks_(ipc::tick_ring(config_.joint_count)),
       commands_(ipc::command_ring()),

@@ -135,8 +135,8 @@ TEST(PrometheusText, ChangesOfPolicyAndCatchesAreCounted) {
   record.header.candidate.in_charge = 1;
   record.header.candidate.change = PolicyChange::swapped;
   metrics.tick(record);
-  metrics.caught(ChunkScore::reversals);
-  watching.policy->monitors.emplace().thresholds = {{.score = ChunkScore::reversals, .above = 0.5}};
+  metrics.caught(config::ChunkScore::reversals);
+  watching.policy->monitors.emplace().thresholds = {{.score = config::ChunkScore::reversals, .above = 0.5}};
   const std::string text = prometheus_text(metrics, watching);
   const auto value = [&](const std::string& series) {
     const std::size_t at = text.find("\n" + series);

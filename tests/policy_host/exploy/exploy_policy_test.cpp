@@ -13,7 +13,7 @@
 #include "policy_host/described_import.hpp"
 #include "policy_host/engines/load_policy.hpp"
 #include "policy_host/exploy/exploy_description.hpp"
-#include "policy_host/onnx/model.hpp"
+#include "policy_host/onnx_engine/model.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/onnx_runtime/onnx_runtime.hpp"
 #include "policy_host/policy_fit.hpp"

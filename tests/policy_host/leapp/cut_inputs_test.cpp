@@ -34,7 +34,7 @@ class Walker {
     policy_ = *std::move(policy);
     responder_.emplace(robot_, hash, *policy_);
     responder_->start_session();
-    pipeline::TickConfig config = config::tick_config_of(robot_, hash);
+    pipeline::TickConfig config = setup::tick_config_of(robot_, hash);
     // Joints as light as a wrist ring at the rig's step of 1 ms: their velocities there are no motion's.
     config.feedback.contradiction = 0.0F;
     rig.emplace(config);

@@ -4,8 +4,8 @@
 // alive; what comes back is ours, or theirs.
 #include <algorithm>
 
-#include "policy_host/onnx/constant_pool.hpp"
-#include "policy_host/onnx/panels.hpp"
+#include "policy_host/onnx_engine/constant_pool.hpp"
+#include "policy_host/onnx_engine/panels.hpp"
 #include "tests/policy_host/onnx/onnx_graph_maker.hpp"
 
 namespace takt::onnx_engine {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "policy_host/onnx/broadcast.hpp"
+#include "policy_host/onnx_engine/broadcast.hpp"
 #include "tests/policy_host/onnx/onnx_graph_maker.hpp"
 
 namespace takt::onnx_engine {

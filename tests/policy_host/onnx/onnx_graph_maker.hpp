@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "policy_host/onnx/model.hpp"
+#include "policy_host/onnx_engine/model.hpp"
 
 namespace takt::onnx_engine {
 

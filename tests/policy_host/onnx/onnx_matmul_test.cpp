@@ -4,7 +4,7 @@
 #include <cmath>
 #include <random>
 
-#include "policy_host/onnx/panels.hpp"
+#include "policy_host/onnx_engine/panels.hpp"
 #include "tests/policy_host/onnx/onnx_graph_maker.hpp"
 
 namespace takt::onnx_engine {

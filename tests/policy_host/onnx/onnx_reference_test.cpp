@@ -12,7 +12,7 @@
 #include <sstream>
 #include <vector>
 
-#include "policy_host/onnx/model.hpp"
+#include "policy_host/onnx_engine/model.hpp"
 #include "tests/support/shared_files.hpp"
 #include "tests/support/temporary_directory.hpp"
 

@@ -205,7 +205,7 @@ struct Pair {
   }
   RobstrideRange range;
   config::Drive drive;
-  std::optional<plant::RobstrideDevice> device;
+  std::optional<simulation::RobstrideDevice> device;
 };
 
 // Inside, and in one of 24 cases far outside.
@@ -221,7 +221,7 @@ double inside(float x, float low, float high) {
 
 // What the drive makes of `sent` when it reads q and dq: the impedance law shows every field.
 double torque_felt(Pair& pair, const RobstrideCommand& sent, double q, double dq) {
-  plant::Frames said;
+  simulation::Frames said;
   pair.device->receive(encode_robstride_enable(kAddress), MonoTime{1}, said);
   const CanFrame frame = encode_robstride_motion(pair.range, kAddress, sent);
   RC_ASSERT(frame.id >> 24U == 1U);
@@ -273,7 +273,7 @@ TEST(RobstrideCodec, TheHostReadsWhatTheDriveMeasuredWithinOneQuantum) {
     const std::size_t model = *rc::gen::inRange<std::size_t>(0, config::kRobstridePresets.size());
     Pair pair(model);
     const double p = static_cast<double>(draw(pair.range.p, false)), v = static_cast<double>(draw(pair.range.v, false));
-    plant::Frames said;
+    simulation::Frames said;
     pair.device->update({p, v}, MonoTime{1}, milliseconds(1), said);
     pair.device->receive(encode_robstride_stop(kAddress, false), MonoTime{1}, said);
     RC_ASSERT(said.size() == 1U);

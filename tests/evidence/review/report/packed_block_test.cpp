@@ -48,8 +48,8 @@ std::vector<std::uint32_t> unplaned(const std::string& bytes, std::size_t start,
   return integers;
 }
 
-SampleBlock wild_block() {
-  SampleBlock block;
+evidence::SampleBlock wild_block() {
+  evidence::SampleBlock block;
   block.columns = {{"smooth", false, {}}, {"whole", true, {}}, {"flat", false, {}}};
   for (std::size_t row = 0; row < 1000; ++row) {
     const auto x = static_cast<float>(row);
@@ -62,8 +62,8 @@ SampleBlock wild_block() {
 }
 
 TEST(PackedBlock, ComesBackAsItWas) {
-  const SampleBlock block = wild_block();
-  const PackedBlock packed = pack(block);
+  const evidence::SampleBlock block = wild_block();
+  const evidence::PackedBlock packed = evidence::pack(block);
   const std::size_t rows = block.rows();
   ASSERT_EQ(packed.layout.at("rows"), rows);
   const std::string bytes = inflated(from_base64(packed.base64), rows * (4 + 2 * block.columns.size()));
@@ -86,7 +86,7 @@ TEST(PackedBlock, ComesBackAsItWas) {
 }
 
 TEST(PackedBlock, NothingIsPackedToo) {
-  const PackedBlock packed = pack({});
+  const evidence::PackedBlock packed = evidence::pack({});
   EXPECT_EQ(packed.layout.at("rows"), 0);
   EXPECT_FALSE(packed.base64.empty());
 }

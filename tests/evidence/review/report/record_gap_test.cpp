@@ -27,8 +27,8 @@ class RecordGapTest : public test::TemporaryFolder {
     fs::copy(run_.folder.path(), to, fs::copy_options::recursive);
     return RunFolder(to);
   }
-  static std::string told(const RecordedRun& run, const RunReview& review) {
-    return report_text(review.metrics, run) + faults_of_record(review.metrics, review.faults);
+  static std::string told(const RecordedRun& run, const evidence::RunReview& review) {
+    return evidence::report_text(review.metrics, run) + evidence::faults_of_record(review.metrics, review.faults);
   }
   // Lines of a report that deny something.
   static std::vector<std::string> denials(const std::string& text) {
@@ -40,7 +40,7 @@ class RecordGapTest : public test::TemporaryFolder {
         found.push_back(line);
     return found;
   }
-  static void expect_gap(const RecordedRun& run, const RunReview& review, const std::string& why) {
+  static void expect_gap(const RecordedRun& run, const evidence::RunReview& review, const std::string& why) {
     EXPECT_NE(review.metrics.record_gap.find(why), std::string::npos) << review.metrics.record_gap;
     const std::string text = told(run, review);
     EXPECT_TRUE(denials(text).empty()) << denials(text).front() << "\n" << text;
@@ -56,7 +56,7 @@ class RecordGapTest : public test::TemporaryFolder {
 };
 
 TEST_F(RecordGapTest, OfAWholeRecordWhatIsNotThereIsNone) {
-  const auto review = review_of(run_);
+  const auto review = evidence::review_of(run_);
   ASSERT_TRUE(review);
   EXPECT_EQ(review->metrics.record_gap, "");
   EXPECT_TRUE(to_json(review->metrics, run_).at("record_gap").is_null());
@@ -66,7 +66,7 @@ TEST_F(RecordGapTest, OfAWholeRecordWhatIsNotThereIsNone) {
 }
 
 TEST_F(RecordGapTest, TicksCutAnywhereDenyNothingAndTheStopIsTold) {
-  const auto whole = review_of(run_)->metrics.incidents;
+  const auto whole = evidence::review_of(run_)->metrics.incidents;
   ASSERT_EQ(whole.size(), 1U);
   const auto size = fs::file_size(run_.folder.ticks());
   constexpr std::uintmax_t kPlaces = 20;
@@ -76,7 +76,7 @@ TEST_F(RecordGapTest, TicksCutAnywhereDenyNothingAndTheStopIsTold) {
     fs::resize_file(folder.ticks(), size * place / (kPlaces + 1));
     const auto run = open_run(folder.path());
     ASSERT_TRUE(run);
-    const auto review = review_of(*run);
+    const auto review = evidence::review_of(*run);
     ASSERT_TRUE(review) << review.error();
     expect_gap(*run, *review, "ticks.mcap is cut off");
     ASSERT_EQ(review->metrics.incidents.size(), 1U);
@@ -104,7 +104,7 @@ TEST_F(RecordGapTest, TransitionsAndEventsInMassesAreBounded) {
   EXPECT_EQ(read_run_events(cut).size(), kMostRunEvents);
   const auto run = open_run(cut.path());
   ASSERT_TRUE(run) << run.error();
-  const auto review = review_of(*run);
+  const auto review = evidence::review_of(*run);
   ASSERT_TRUE(review) << review.error();
   EXPECT_GT(review->metrics.transitions.size(), 9'000U);
   EXPECT_LT(review->metrics.transitions.size(), 11'000U);
@@ -133,7 +133,7 @@ TEST_F(RecordGapTest, AFullDiskIsNoEndOfTheRun) {
       << ", age 12.0 ms, misses 0 of 900): stop at tick " << beyond
       << ": recording_lost: nothing records; done: the robot is damped; clears with: a recorder\n";
   const auto run = open_run(folder->path());
-  const auto review = review_of(*run);
+  const auto review = evidence::review_of(*run);
   ASSERT_TRUE(review);
   expect_gap(*run, *review, "recording stopped: ");
   ASSERT_EQ(review->metrics.incidents.size(), 1U);
@@ -156,7 +156,7 @@ TEST_F(RecordGapTest, AKilledRecorderIsNamed) {
     events << R"({"event":"ended","process":"takt-monitor","monotonic_ns":)" << run.manifest.started_at.ns + 5
            << R"(,"how":")" << how << "\"}\n";
   events.close();
-  const auto review = review_of(run);
+  const auto review = evidence::review_of(run);
   ASSERT_TRUE(review);
   expect_gap(run, *review, "the recorder was ended before it closed the run (takt-monitor was killed by SIGKILL)");
 }
@@ -165,7 +165,7 @@ TEST_F(RecordGapTest, AHoleInBetweenMayHideAStop) {
   const auto without = [](std::uint64_t tick) { return tick < 1'000 || tick > 1'200; };
   const RecordedRun run = altered_copy(
       run_, path("hole"), [](TickRecord&) {}, [](RecordedCommand&) {}, without);
-  const auto review = review_of(run);
+  const auto review = evidence::review_of(run);
   ASSERT_TRUE(review);
   expect_gap(run, *review, "the record has holes: ");
 }
@@ -175,7 +175,7 @@ TEST_F(RecordGapTest, ARecordThatBeginsLateMayLackAStop) {
   RecordedRun run = altered_copy(
       run_, path("late"), [](TickRecord&) {}, [](RecordedCommand&) {}, [](std::uint64_t tick) { return tick > 3'900; });
   run.manifest.ticks = 100;
-  const auto review = review_of(run);
+  const auto review = evidence::review_of(run);
   ASSERT_TRUE(review);
   expect_gap(run, *review, "the record has holes: when it began, at tick 3901, the robot was in damped_stop");
 }
@@ -189,7 +189,7 @@ TEST_F(RecordGapTest, AnExecutiveThatEndsWhileTheRobotMovesIsNoEnd) {
   manifest.ticks = manifest.last_tick = 999;
   manifest.ended_because = "executive ended";
   const RecordedRun run{moving.folder, manifest, moving.robot};
-  const auto review = review_of(run);
+  const auto review = evidence::review_of(run);
   ASSERT_TRUE(review);
   expect_gap(run, *review, "the executive ended while the robot was in tracking");
 }

@@ -12,7 +12,7 @@ namespace {
 nlohmann::ordered_json figure_of(const std::string& file) {
   const auto robot = config::load(file);
   if (!robot) throw std::runtime_error(robot.error());
-  return robot_figure(*robot);
+  return evidence::robot_figure(*robot);
 }
 
 TEST(RobotFigure, AnArmIsItsLinksAndItsTool) {
@@ -28,11 +28,11 @@ TEST(RobotFigure, AnArmIsItsLinksAndItsTool) {
 TEST(RobotFigure, ALinkThatSlidesSaysSoAndReachesFurther) {
   auto robot = config::load("config/arm6.yaml");
   ASSERT_TRUE(robot) << robot.error();
-  const double before = robot_figure(*robot).at("reach");
+  const double before = evidence::robot_figure(*robot).at("reach");
   robot->joints[5].kind = config::JointKind::slide;
   robot->joints[5].limits.q_min = -0.01;
   robot->joints[5].limits.q_max = 0.04;
-  const auto figure = robot_figure(*robot);
+  const auto figure = evidence::robot_figure(*robot);
   EXPECT_TRUE(figure.at("links").at(5).at("slides"));
   EXPECT_FALSE(figure.at("links").at(4).contains("slides"));
   EXPECT_NEAR(figure.at("reach").get<double>(), before + 0.04, 1e-9);
@@ -52,7 +52,7 @@ TEST(RobotFigure, ACartCarriesItsPole) {
 }
 
 TEST(RobotFigure, WithoutGeometryThereIsNone) {
-  EXPECT_TRUE(robot_figure({}).is_null());
+  EXPECT_TRUE(evidence::robot_figure({}).is_null());
 }
 
 }  // namespace

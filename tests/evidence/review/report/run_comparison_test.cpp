@@ -25,8 +25,8 @@ class RunComparisonTest : public test::TemporaryFolder {
     EXPECT_TRUE(run.folder.write_manifest(run.manifest));
     return *open_run(path(name));
   }
-  static const ComparisonRow& row(const RunComparison& comparison, const std::string& label) {
-    return *std::ranges::find(comparison.rows, label, &ComparisonRow::label);
+  static const evidence::ComparisonRow& row(const evidence::RunComparison& comparison, const std::string& label) {
+    return *std::ranges::find(comparison.rows, label, &evidence::ComparisonRow::label);
   }
   const RecordedRun run_ = record_demo(path("run"));
 };
@@ -36,15 +36,15 @@ TEST_F(RunComparisonTest, DifferencesAreThisRunsMinusTheOthers) {
       run_, path("shorter"), [](TickRecord&) {}, [](RecordedCommand&) {},
       [](std::uint64_t tick) { return tick < 3'000; });
   const auto metrics = to_json(*metrics_of(run_), run_);
-  const auto found = compare_with(metrics, path("shorter"));
+  const auto found = evidence::compare_with(metrics, path("shorter"));
   ASSERT_TRUE(found) << found.error();
   EXPECT_TRUE(found->same_contract);
-  const ComparisonRow& recorded = row(*found, "recorded");
+  const evidence::ComparisonRow& recorded = row(*found, "recorded");
   EXPECT_NEAR(recorded.here.value(), 3.999, 1e-9);
   EXPECT_NEAR(recorded.other.value(), 2.998, 1e-9);
   EXPECT_EQ(row(*found, "age per command, p50").here, 37.0);
   EXPECT_GT(row(*found, "misses per tick").here, row(*found, "misses per tick").other) << "the second stall";
-  EXPECT_NE(comparison_text(*found).find("+1.001 s"), std::string::npos) << comparison_text(*found);
+  EXPECT_NE(evidence::comparison_text(*found).find("+1.001 s"), std::string::npos) << evidence::comparison_text(*found);
 }
 
 // A run that never left standby has no ages and no misses, which is not the same as ages of 0 ms.
@@ -52,7 +52,7 @@ TEST_F(RunComparisonTest, WhatWasNotMeasuredIsNoZero) {
   const RecordedRun standby = altered_copy(
       run_, path("standby"), [](TickRecord&) {}, [](RecordedCommand&) {},
       [](std::uint64_t tick) { return tick < VirtualRobot::kArmAt; });
-  const auto found = compare_with(to_json(*metrics_of(run_), run_), path("standby"));
+  const auto found = evidence::compare_with(to_json(*metrics_of(run_), run_), path("standby"));
   ASSERT_TRUE(found) << found.error();
   for (const char* label : {"age per command, p99", "infer, p99", "misses per command", "at most, per tick"}) {
     EXPECT_TRUE(row(*found, label).here) << label;
@@ -60,13 +60,13 @@ TEST_F(RunComparisonTest, WhatWasNotMeasuredIsNoZero) {
   }
   EXPECT_EQ(row(*found, "in standby").other, 100.0);
   EXPECT_EQ(row(*found, "in tracking").other, 0.0) << "counted, and there was none";
-  const std::string text = comparison_text(*found);
+  const std::string text = evidence::comparison_text(*found);
   EXPECT_NE(text.find("  age per command, p50               -      37.000           - ms\n"), std::string::npos)
       << text;
   const auto json = to_json(*found);
   EXPECT_EQ(json["rows"][0].dump(), R"(["age per command, p50","ms",null,37.0])");
-  const auto alone = compare_with(to_json(*metrics_of(standby), standby), path("standby"));
-  EXPECT_EQ(comparison_text(*alone).find("age"), std::string::npos) << comparison_text(*alone);
+  const auto alone = evidence::compare_with(to_json(*metrics_of(standby), standby), path("standby"));
+  EXPECT_EQ(evidence::comparison_text(*alone).find("age"), std::string::npos) << evidence::comparison_text(*alone);
 }
 
 // metrics.json counts only where it is the run's own.
@@ -76,14 +76,14 @@ TEST_F(RunComparisonTest, ForeignMetricsAreNotBelieved) {
   foreign["age_ns"]["per_command"]["total"]["p50"] = 1e9;
   std::ofstream(other.folder.metrics()) << foreign.dump();
   const auto metrics = to_json(*metrics_of(run_), run_);
-  EXPECT_EQ(row(*compare_with(metrics, path("other")), "age per command, p50").other, 1000.0);
+  EXPECT_EQ(row(*evidence::compare_with(metrics, path("other")), "age per command, p50").other, 1000.0);
   foreign["run_id"] = "somebody else's";
   std::ofstream(other.folder.metrics()) << foreign.dump();
-  EXPECT_EQ(row(*compare_with(metrics, path("other")), "age per command, p50").other, 37.0);
+  EXPECT_EQ(row(*evidence::compare_with(metrics, path("other")), "age per command, p50").other, 37.0);
 }
 
 TEST_F(RunComparisonTest, WhatIsNoRunIsRefused) {
-  const auto refused = compare_with(to_json(*metrics_of(run_), run_), path("nowhere"));
+  const auto refused = evidence::compare_with(to_json(*metrics_of(run_), run_), path("nowhere"));
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().find("nowhere"), std::string::npos);
 }

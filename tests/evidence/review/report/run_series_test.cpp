@@ -17,13 +17,13 @@ namespace {
 
 class RunSeriesTest : public test::TemporaryFolder {
  protected:
-  RunSeries series(std::size_t whole_bytes, const std::string& truth = "") {
-    auto found = series_of(run_, metrics_, faults_, truth, whole_bytes);
+  evidence::RunSeries series(std::size_t whole_bytes, const std::string& truth = "") {
+    auto found = evidence::series_of(run_, metrics_, faults_, truth, whole_bytes);
     if (!found) throw std::runtime_error(found.error());
     return std::move(*found);
   }
-  static const std::vector<float>& column(const SampleBlock& block, const std::string& name) {
-    return std::ranges::find(block.columns, name, &SampleColumn::name)->values;
+  static const std::vector<float>& column(const evidence::SampleBlock& block, const std::string& name) {
+    return std::ranges::find(block.columns, name, &evidence::SampleColumn::name)->values;
   }
   const RecordedRun run_ = record_demo(path("run"));
   const RunMetrics metrics_ = *metrics_of(run_);
@@ -31,7 +31,7 @@ class RunSeriesTest : public test::TemporaryFolder {
 };
 
 TEST_F(RunSeriesTest, AShortRunKeepsEveryTick) {
-  const RunSeries all = series(kWholeBytes);
+  const evidence::RunSeries all = series(evidence::kWholeBytes);
   EXPECT_EQ(all.whole.bucket_ticks, 1U);
   EXPECT_EQ(all.whole.rows(), kDemoTicks);
   EXPECT_EQ(all.moments.rows(), 0U);
@@ -39,8 +39,8 @@ TEST_F(RunSeriesTest, AShortRunKeepsEveryTick) {
 
 TEST_F(RunSeriesTest, ALongOneKeepsItsExtremesAndEveryTickOfItsViolations) {
   constexpr std::size_t kRoom = 20'000;
-  const RunSeries thin = series(kRoom);
-  EXPECT_LE(thin.whole.rows() * SampleBlockBuilder::row_bytes(6, 2, false), kRoom);
+  const evidence::RunSeries thin = series(kRoom);
+  EXPECT_LE(thin.whole.rows() * evidence::SampleBlockBuilder::row_bytes(6, 2, false), kRoom);
   EXPECT_GT(thin.whole.rows(), 100U);
   double oldest_ms = 0;
   for (std::size_t row = 0; row < thin.whole.rows(); ++row) {
@@ -62,7 +62,7 @@ TEST_F(RunSeriesTest, BetweenMomentsIsNoGap) {
   const RecordedRun run = record(robot, path("long"), 8'000, [&](std::uint64_t tick) {
     robot.policy_is_frozen = (tick >= 1'500 && tick < 1'900) || tick >= 6'500;
   });
-  const auto thin = series_of(run, *metrics_of(run), *classify_run(run), "", 20'000);
+  const auto thin = evidence::series_of(run, *metrics_of(run), *classify_run(run), "", 20'000);
   ASSERT_TRUE(thin) << thin.error();
   const auto& at_s = thin->moments.at_s;
   const auto hole = std::ranges::adjacent_find(at_s, [](double before, double behind) { return behind > before + 1; });
@@ -73,7 +73,7 @@ TEST_F(RunSeriesTest, BetweenMomentsIsNoGap) {
 
 // Each command's last step is where the policy wants to go; the demo's policy moves all joints along one sine.
 TEST_F(RunSeriesTest, ThePolicysTargetIsTheEndOfItsChunk) {
-  const RunSeries all = series(kWholeBytes);
+  const evidence::RunSeries all = series(evidence::kWholeBytes);
   const auto& target = column(all.whole, "target0");
   EXPECT_TRUE(std::isnan(target[5])) << "no command yet";
   bool checked = false;
@@ -86,7 +86,7 @@ TEST_F(RunSeriesTest, ThePolicysTargetIsTheEndOfItsChunk) {
 }
 
 TEST_F(RunSeriesTest, ModesCoverTheRunWithoutAHole) {
-  const RunSeries all = series(kWholeBytes);
+  const evidence::RunSeries all = series(evidence::kWholeBytes);
   ASSERT_EQ(all.modes.size(), metrics_.transition_count + 1);
   EXPECT_EQ(all.modes.front().from_s, 0);
   EXPECT_DOUBLE_EQ(all.modes.back().to_s, metrics_.span.seconds());
@@ -103,12 +103,12 @@ TEST_F(RunSeriesTest, TheTasksTargetComesFromTheTruthFile) {
     truth << "no JSON\n{\"monotonic_ns\":" << (metrics_.start + milliseconds(1000)).ns << ",\"target\":[0.1,0.2,0.3]}\n"
           << "{\"monotonic_ns\":" << (metrics_.start + milliseconds(2000)).ns << ",\"target\":[0.4,0.5,0.6]}\n{\"mono";
   }
-  const RunSeries all = series(kWholeBytes, path("truth.jsonl"));
+  const evidence::RunSeries all = series(evidence::kWholeBytes, path("truth.jsonl"));
   const auto& z = column(all.whole, "task.z");
   EXPECT_TRUE(std::isnan(z[900]));
   EXPECT_FLOAT_EQ(z[1500], 0.3F);
   EXPECT_FLOAT_EQ(z[3900], 0.6F);
-  const auto missing = series_of(run_, metrics_, faults_, path("none.jsonl"));
+  const auto missing = evidence::series_of(run_, metrics_, faults_, path("none.jsonl"));
   ASSERT_FALSE(missing);
   EXPECT_NE(missing.error().find("none.jsonl"), std::string::npos);
 }

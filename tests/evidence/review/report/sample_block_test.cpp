@@ -31,19 +31,19 @@ class SampleBlockTest : public testing::Test {
   void tick(std::uint64_t number, double age_ms) {
     tick(number, age_ms, [](TickRecord&) {});
   }
-  static const std::vector<float>& column(const SampleBlock& block, const std::string& name) {
-    const auto found = std::ranges::find(block.columns, name, &SampleColumn::name);
+  static const std::vector<float>& column(const evidence::SampleBlock& block, const std::string& name) {
+    const auto found = std::ranges::find(block.columns, name, &evidence::SampleColumn::name);
     if (found == block.columns.end()) throw std::runtime_error("no column " + name);
     return found->values;
   }
 
-  TickContext context_;
-  SampleBlockBuilder builder_{kJoints, kBuses, false, 10, milliseconds(1)};
+  evidence::TickContext context_;
+  evidence::SampleBlockBuilder builder_{kJoints, kBuses, false, 10, milliseconds(1)};
 };
 
 TEST_F(SampleBlockTest, ABucketKeepsItsExtremesAndTheOldestCommandsParts) {
   for (std::uint64_t number = 1; number <= 20; ++number) tick(number, number == 7 ? 90 : number == 3 ? 5 : 20);
-  const SampleBlock block = builder_.finish();
+  const evidence::SampleBlock block = builder_.finish();
   ASSERT_EQ(block.rows(), 2U);
   EXPECT_FLOAT_EQ(column(block, "age")[0], 5);
   EXPECT_FLOAT_EQ(column(block, "age.spread")[0], 85);
@@ -59,7 +59,7 @@ TEST_F(SampleBlockTest, JointsAreThinnedOneByOne) {
       record.joints[1].q_reference = number == 9 ? 2.0F : 1.0F;
     });
   }
-  const SampleBlock block = builder_.finish();
+  const evidence::SampleBlock block = builder_.finish();
   EXPECT_FLOAT_EQ(column(block, "q1")[0], -1.5);
   EXPECT_FLOAT_EQ(column(block, "q1.spread")[0], 1.75);
   EXPECT_FLOAT_EQ(column(block, "reference1")[0], 1.0);
@@ -79,7 +79,7 @@ TEST_F(SampleBlockTest, AJointsStrainKeepsItsPeaks) {
       joint.kd_command = number == 10 ? 3.0F : 1.0F;
     });
   }
-  const SampleBlock block = builder_.finish();
+  const evidence::SampleBlock block = builder_.finish();
   const std::pair<const char*, float> wanted[] = {{"dq1", -4}, {"tau1", 7.5}, {"temperature1", 61}, {"kp1", 0},
                                                   {"kd1", 3},  {"tau0", 0},   {"temperature0", 0}};
   for (const auto& [name, value] : wanted) EXPECT_FLOAT_EQ(column(block, name)[0], value) << name;
@@ -96,7 +96,7 @@ TEST_F(SampleBlockTest, MasksAreJoinedAndCountersBecomeDifferences) {
       record.header.buses[0].state = number == 12 ? BusState::error_passive : BusState::up;
     });
   }
-  const SampleBlock block = builder_.finish();
+  const evidence::SampleBlock block = builder_.finish();
   EXPECT_EQ(column(block, "interventions")[0],
             static_cast<float>(bit(Intervention::velocity_limit) | bit(Intervention::torque_limit)));
   EXPECT_EQ(column(block, "interventions")[1], 0.0F);
@@ -112,7 +112,7 @@ TEST_F(SampleBlockTest, WhatDoesNotExistIsNotDrawn) {
   context_.policy_target = target;
   tick(2, 1);
   tick(40, 1);  // ticks between were lost
-  const SampleBlock block = builder_.finish();
+  const evidence::SampleBlock block = builder_.finish();
   ASSERT_EQ(block.rows(), 3U);
   EXPECT_FLOAT_EQ(column(block, "age")[0], 1) << "of the bucket's second tick";
   EXPECT_TRUE(std::isnan(column(block, "target0")[0])) << "no command at the bucket's beginning";
@@ -125,19 +125,19 @@ TEST_F(SampleBlockTest, WhatDoesNotExistIsNotDrawn) {
 TEST_F(SampleBlockTest, AGapBeginsAPeriodBehindTheLastTickBeforeIt) {
   for (std::uint64_t number = 1; number <= 13; ++number) tick(number, 1);
   tick(500, 1);
-  const SampleBlock block = builder_.finish();
+  const evidence::SampleBlock block = builder_.finish();
   ASSERT_EQ(block.rows(), 4U);
   EXPECT_DOUBLE_EQ(block.at_s[1], 0.011);
   EXPECT_DOUBLE_EQ(block.at_s[2], 0.014);
   EXPECT_DOUBLE_EQ(block.at_s[3], 0.5);
-  for (const SampleColumn& each : block.columns) EXPECT_TRUE(std::isnan(each.values[2])) << each.name;
+  for (const evidence::SampleColumn& each : block.columns) EXPECT_TRUE(std::isnan(each.values[2])) << each.name;
 }
 
 TEST_F(SampleBlockTest, TicksLeftOutOnPurposeAreNoGap) {
   tick(1, 1);
   builder_.pause();
   tick(500, 2);
-  const SampleBlock block = builder_.finish();
+  const evidence::SampleBlock block = builder_.finish();
   ASSERT_EQ(block.rows(), 2U);
   EXPECT_FLOAT_EQ(column(block, "age")[0], 1);
   EXPECT_FLOAT_EQ(column(block, "age")[1], 2);

@@ -40,14 +40,14 @@ class KindsTest : public testing::Test {
     ASSERT_EQ(status, 0);
   }
 
-  void expect_agreement(Trial& trial) {
+  void expect_agreement(policy_trial::Trial& trial) {
     if (!trial.judge) {
       EXPECT_TRUE(trial.unjudged.starts_with("no ") && trial.unjudged.ends_with(" beside it to judge by"))
           << trial.unjudged;
       return;
     }
     ++judged_;
-    const Agreement agreement = compare(*trial.own, *trial.judge, 0);
+    const policy_trial::Agreement agreement = policy_trial::compare(*trial.own, *trial.judge, 0);
     EXPECT_LE(agreement.error, kTolerance);
     worst_ = std::max(worst_, agreement.error);
   }
@@ -61,7 +61,7 @@ class KindsTest : public testing::Test {
 TEST_F(KindsTest, EachRunsByTheEngineThatTheTableSaysAsInOnnxRuntime) {
   const auto judge = onnx_runtime::OnnxRuntime::open(*library_);
   ASSERT_TRUE(judge) << judge.error();
-  const TrialSetup setup{fs::absolute(*library_), &*judge};
+  const policy_trial::TrialSetup setup{fs::absolute(*library_), &*judge};
   const bool torch = kWithTorch && fs::exists(TAKT_ENGINES_FOLDER "/takt-engine-torchscript.so");
   std::ifstream table(folder_.path("kinds.txt"));
   int kinds = 0;
@@ -69,7 +69,7 @@ TEST_F(KindsTest, EachRunsByTheEngineThatTheTableSaysAsInOnnxRuntime) {
     SCOPED_TRACE(name);
     if (engine == "torchscript" && !torch) continue;
     ++kinds;
-    Trial trial = try_policy(folder_.path(name), setup);
+    policy_trial::Trial trial = policy_trial::try_policy(folder_.path(name), setup);
     if (engine == "refused") {
       EXPECT_TRUE(trial.refusal.contains("its memory is lost between observations")) << trial.refusal;
       continue;
