@@ -12,7 +12,8 @@ import re
 import subprocess
 import sys
 
-BUILT_IN = {"nlohmann-json3-dev": "MIT", "libcli11-dev": "BSD-3-Clause", "libeigen3-dev": "MPL-2.0", "libjs-dygraphs": "MIT"}
+BUILT_IN = {"nlohmann-json3-dev": "MIT", "libcli11-dev": "BSD-3-Clause", "libeigen3-dev": "MPL-2.0", "libjs-dygraphs": "MIT",
+            "libboost-dev": "BSL-1.0"}
 PROGRAMS = ("takt", "takt-operate", "takt-lab", "takt-executive", "takt-policy-host", "takt-plant", "takt-monitor", "takt-imu", "takt-ros-sensors", "takt-policy-bridge",
             "takt-policy-server")
 

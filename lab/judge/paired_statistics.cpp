@@ -146,12 +146,8 @@ double anytime_evidence(std::uint64_t for_a, std::uint64_t for_b) {
 
 double student_quantile(double degrees) {
   // P(|T| > t) is the incomplete beta function of degrees / (degrees + t^2).
-  double low = 0, high = 1;
-  for (int step = 0; step < 60; ++step) {
-    const double middle = low + (high - low) / 2;
-    (monitor::incomplete_beta(degrees / 2, 0.5, middle) < 1 - kConfidence ? low : high) = middle;
-  }
-  return std::sqrt(degrees * (1 - low) / low);
+  const double share = monitor::incomplete_beta_inverse(degrees / 2, 0.5, 1 - kConfidence);
+  return std::sqrt(degrees * (1 - share) / share);
 }
 
 Interval paired_rate_interval(std::uint64_t only_a, std::uint64_t only_b, std::uint64_t pairs) {

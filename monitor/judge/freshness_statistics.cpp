@@ -2,49 +2,24 @@
 #include "monitor/judge/freshness_statistics.hpp"
 
 #include <algorithm>
+#include <boost/math/special_functions/beta.hpp>
 #include <cmath>
-#include <limits>
 #include <numeric>
 
 namespace takt::monitor {
 namespace {
 
-// Continued fraction of the incomplete beta function by the modified Lentz method; converges fast for
-// x < (a + 1) / (a + b + 2). Source: Press et al., Numerical Recipes, 6.4.
-double beta_fraction(double a, double b, double x) {
-  constexpr double tiny = 1e-300;
-  const auto guarded = [](double value) { return std::abs(value) < tiny ? tiny : value; };
-  double c = 1;
-  double d = 1 / guarded(1 - (a + b) * x / (a + 1));
-  double fraction = d;
-  for (int step = 1; step <= 100'000; ++step) {
-    const double m = step;
-    const double even = m * (b - m) * x / ((a + 2 * m - 1) * (a + 2 * m));
-    d = 1 / guarded(1 + even * d);
-    c = guarded(1 + even / c);
-    fraction *= d * c;
-    const double odd = -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1));
-    d = 1 / guarded(1 + odd * d);
-    c = guarded(1 + odd / c);
-    const double change = d * c;
-    fraction *= change;
-    if (std::abs(change - 1) < 4 * std::numeric_limits<double>::epsilon()) break;
-  }
-  return fraction;
-}
+// A result that cannot be computed is NaN, which no bound accepts.
+namespace bmp = boost::math::policies;
+constexpr bmp::policy<bmp::domain_error<bmp::ignore_error>, bmp::pole_error<bmp::ignore_error>,
+                      bmp::overflow_error<bmp::ignore_error>, bmp::evaluation_error<bmp::ignore_error>,
+                      bmp::promote_double<false>>
+    kNoExceptions;
 
 // Samples may be parts of one: an effective number is no whole one.
 double upper_bound(double misses, double count, double confidence) {
   if (misses >= count) return 1;
-  const double a = misses + 1;
-  const double b = count - misses;
-  double low = 0, high = 1;
-  while (high - low > 1e-15 * high) {  // I_x(a, b) grows with x; halving ends within some 100 steps
-    const double middle = low + (high - low) / 2;
-    if (middle <= low || middle >= high) break;
-    (incomplete_beta(a, b, middle) < confidence ? low : high) = middle;
-  }
-  return high;
+  return incomplete_beta_inverse(misses + 1, count - misses, confidence);
 }
 
 double lower_bound(double misses, double count, double confidence) {
@@ -100,12 +75,11 @@ Quantiles quantiles_of(std::vector<std::int64_t>& samples) {
 }
 
 double incomplete_beta(double a, double b, double x) {
-  if (x <= 0) return 0;
-  if (x >= 1) return 1;
-  const double front =
-      std::exp(std::lgamma(a + b) - std::lgamma(a) - std::lgamma(b) + a * std::log(x) + b * std::log1p(-x));
-  if (x < (a + 1) / (a + b + 2)) return front * beta_fraction(a, b, x) / a;
-  return 1 - front * beta_fraction(b, a, 1 - x) / b;
+  return boost::math::ibeta(a, b, std::clamp(x, 0.0, 1.0), kNoExceptions);
+}
+
+double incomplete_beta_inverse(double a, double b, double p) {
+  return boost::math::ibeta_inv(a, b, p, kNoExceptions);
 }
 
 double clopper_pearson_upper(std::uint64_t misses, std::uint64_t count, double confidence) {

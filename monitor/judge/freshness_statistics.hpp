@@ -42,6 +42,8 @@ double clopper_pearson_upper(std::uint64_t misses, std::uint64_t count, double c
 double clopper_pearson_lower(std::uint64_t misses, std::uint64_t count, double confidence);
 // Regularised incomplete beta function I_x(a, b), a, b > 0, 0 <= x <= 1.
 double incomplete_beta(double a, double b, double x);
+// The x with I_x(a, b) = p, 0 <= p <= 1.
+double incomplete_beta_inverse(double a, double b, double p);
 
 enum class Verdict : std::uint8_t {
   held,       // the upper bound is within epsilon

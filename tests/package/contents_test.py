@@ -10,7 +10,8 @@ import subprocess
 import sys
 import tempfile
 
-BUILT_IN = {"nlohmann-json3-dev": "nlohmann-json", "libcli11-dev": "CLI11", "libeigen3-dev": "Eigen", "libjs-dygraphs": "dygraphs"}
+BUILT_IN = {"nlohmann-json3-dev": "nlohmann-json", "libcli11-dev": "CLI11", "libeigen3-dev": "Eigen", "libjs-dygraphs": "dygraphs",
+            "libboost-dev": "Boost.Math"}
 
 
 def main():
