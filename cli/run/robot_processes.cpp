@@ -45,7 +45,7 @@ int parent_death_signal(ProcessName process) {
   return SIGKILL;
 }
 
-bool somebody_listens(const std::string& path) {
+bool is_served(const std::string& path) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   if (path.size() >= sizeof address.sun_path) return false;
@@ -74,8 +74,12 @@ std::string label(ProcessName process) {
   return std::string(program(process)) + (process == ProcessName::fallback ? "-fallback" : "");
 }
 
+std::string label(const SensorProgram& program) {
+  return "sensor-" + program.sensor;
+}
+
 RobotProcesses::RobotProcesses(const config::RobotConfig& robot, const RobotPlace& place)
-    : robot_(robot), place_(place) {
+    : robot_(robot), place_(place), sensors_(place.sensors.size()) {
   prctl(PR_SET_CHILD_SUBREAPER, 1);
 }
 
@@ -109,11 +113,6 @@ policy_host::Grants RobotProcesses::granted_to(const std::string& program) const
 }
 
 std::expected<void, std::string> RobotProcesses::start(ProcessName process) {
-  std::error_code error;
-  fs::create_directories(log_directory(), error);
-  if (error)
-    return std::unexpected(
-        fmt::format("{} cannot be made: {}; choose another --runtime-dir", log_directory(), error.message()));
   ChildProcess::Options options;
   options.name = label(process);
   options.arguments = {path_of(process), "--robot", place_.robot_file, "--runtime-dir", place_.runtime_directory};
@@ -131,11 +130,37 @@ std::expected<void, std::string> RobotProcesses::start(ProcessName process) {
     options.arguments.emplace_back("--run-dir");
     options.arguments.push_back(place_.run_directory);
   }
-  options.log_path = fmt::format("{}/{}.log", log_directory(), label(process));
   options.parent_death_signal = parent_death_signal(process);
   if (process == ProcessName::policy || process == ProcessName::fallback)
     options.place = place_of_policy(robot_, granted_to(options.arguments[0]));
-  std::optional<ChildProcess>& child = children_[static_cast<std::size_t>(process)];
+  return start(std::move(options), children_[static_cast<std::size_t>(process)]);
+}
+
+// The shell becomes the program, so that signals reach it.
+std::expected<void, std::string> RobotProcesses::start_sensor(std::size_t index) {
+  const SensorProgram& program = place_.sensors[index];
+  ChildProcess::Options options;
+  options.name = label(program);
+  options.arguments = {"/bin/sh",
+                       "-c",
+                       "exec " + program.command + " \"$@\"",
+                       "sh",
+                       "--robot",
+                       place_.robot_file,
+                       "--runtime-dir",
+                       place_.runtime_directory};
+  options.parent_death_signal = SIGTERM;
+  return start(std::move(options), sensors_[index]);
+}
+
+std::expected<void, std::string> RobotProcesses::start(ChildProcess::Options options,
+                                                       std::optional<ChildProcess>& child) const {
+  std::error_code error;
+  fs::create_directories(log_directory(), error);
+  if (error)
+    return std::unexpected(
+        fmt::format("{} cannot be made: {}; choose another --runtime-dir", log_directory(), error.message()));
+  options.log_path = fmt::format("{}/{}.log", log_directory(), options.name);
   if (!child) fs::remove(options.log_path, error);  // of an earlier run; a restart adds to this run's
   auto started = ChildProcess::start(std::move(options));
   if (!started) return std::unexpected(started.error());
@@ -152,10 +177,10 @@ bool RobotProcesses::is_ready(ProcessName process, const std::optional<StatusSna
     case ProcessName::plant: {
       const bool buses = std::ranges::all_of(robot_.buses, [&](const config::Bus& bus) {
         return fs::exists("/sys/class/net/" + bus.interface) ||
-               somebody_listens(config::loopback_socket(place_.runtime_directory, bus.interface));
+               is_served(config::loopback_socket(place_.runtime_directory, bus.interface));
       });
       const std::string& camera = robot_.simulation->camera_sensor;
-      return buses && (camera.empty() || somebody_listens(config::sensor_socket(place_.runtime_directory, camera)));
+      return buses && (camera.empty() || is_served(config::sensor_socket(place_.runtime_directory, camera)));
     }
     case ProcessName::executive:
       return status.has_value();
@@ -169,13 +194,22 @@ bool RobotProcesses::is_ready(ProcessName process, const std::optional<StatusSna
   return false;
 }
 
+bool RobotProcesses::is_sensor_ready(std::size_t index) const {
+  return is_served(config::sensor_socket(place_.runtime_directory, place_.sensors[index].sensor));
+}
+
+ChildProcess* RobotProcesses::find_sensor(std::size_t index) {
+  return sensors_[index] ? &*sensors_[index] : nullptr;
+}
+
 ChildProcess* RobotProcesses::find(ProcessName process) {
   auto& child = children_[static_cast<std::size_t>(process)];
   return child ? &*child : nullptr;
 }
 
 bool RobotProcesses::is_known(pid_t pid) const {
-  return std::ranges::any_of(children_, [pid](const auto& child) { return child && child->pid() == pid; });
+  const auto is_it = [pid](const auto& child) { return child && child->pid() == pid; };
+  return std::ranges::any_of(children_, is_it) || std::ranges::any_of(sensors_, is_it);
 }
 
 // One of ours that has ended is for its ChildProcess to see; the call after that goes on.
@@ -212,6 +246,8 @@ void RobotProcesses::end_all() {
   end(ProcessName::policy, kOthersEndWithin);
   end(ProcessName::fallback, kOthersEndWithin);
   end_left_behind();
+  for (std::optional<ChildProcess>& sensor : sensors_)
+    if (sensor) sensor->end(kOthersEndWithin);
   end(ProcessName::plant, kOthersEndWithin);
   end(ProcessName::monitor, kMonitorEndsWithin);
 }
@@ -223,11 +259,13 @@ std::string RobotProcesses::settle_logs() const {
   fs::copy(log_directory(), there, fs::copy_options::recursive, error);
   if (error && fs::is_directory(log_directory())) return log_directory();
   fs::create_directory(there, error);
-  for (const std::optional<ChildProcess>& child : children_) {  // whose name was removed with the runtime directory
-    if (!child || fs::exists(child->options().log_path, error)) continue;
+  const auto rescue = [&](const std::optional<ChildProcess>& child) {  // a log that lost its name with the directory
+    if (!child || fs::exists(child->options().log_path, error)) return;
     std::ofstream(there + "/" + child->options().name + ".log", std::ios::app)
         << std::ifstream(child->log_file()).rdbuf();
-  }
+  };
+  std::ranges::for_each(children_, rescue);
+  std::ranges::for_each(sensors_, rescue);
   fs::remove_all(log_directory(), error);
   return there;
 }

@@ -2,7 +2,7 @@
 // The processes of one robot, as `takt run` starts and ends them: takt-plant (when the robot file has `simulation`),
 // takt-executive, takt-monitor, takt-policy-host (when it has `policy`) and a second one of it (when it has a fallback
 // policy), all found beside the `takt` program; instead of the last two another program may stand, a
-// policy in Python or C. Thread rule: one thread.
+// policy in Python or C. Programs that serve sensors are its user's. Thread rule: one thread.
 #pragma once
 
 #include <array>
@@ -19,6 +19,12 @@
 
 namespace takt::cli {
 
+// A program that serves a sensor of the robot (docs/sensors.md).
+struct SensorProgram {
+  std::string sensor;   // its name in the robot file
+  std::string command;  // of the shell; `--robot FILE --runtime-dir DIR` follow it
+};
+
 struct RobotPlace {
   std::string robot_file;
   std::string runtime_directory;
@@ -28,6 +34,7 @@ struct RobotPlace {
   std::string policy_host = {};                    // path of a program instead of takt-policy-host; empty: itself
   std::vector<std::string> policy_arguments = {};  // of the policy host
   policy_host::Grants policy_grants = {};
+  std::vector<SensorProgram> sensors = {};
 };
 
 class RobotProcesses {
@@ -43,6 +50,10 @@ class RobotProcesses {
   [[nodiscard]] bool is_ready(ProcessName process, const std::optional<StatusSnapshot>& status) const;
   // nullptr: never started.
   [[nodiscard]] ChildProcess* find(ProcessName process);
+  // The same of place.sensors[index].
+  std::expected<void, std::string> start_sensor(std::size_t index);
+  [[nodiscard]] bool is_sensor_ready(std::size_t index) const;
+  [[nodiscard]] ChildProcess* find_sensor(std::size_t index);
   // What a policy started and left, and what has ended since. Called often: it would stay in the process table for
   // good.
   void reap_orphans();
@@ -56,6 +67,7 @@ class RobotProcesses {
 
  private:
   [[nodiscard]] std::string log_directory() const;
+  std::expected<void, std::string> start(ChildProcess::Options options, std::optional<ChildProcess>& child) const;
   [[nodiscard]] std::string path_of(ProcessName process) const;
   void end_left_behind();
   [[nodiscard]] bool is_known(pid_t pid) const;
@@ -63,6 +75,7 @@ class RobotProcesses {
   const config::RobotConfig& robot_;
   const RobotPlace& place_;
   std::array<std::optional<ChildProcess>, kProcessCount> children_;
+  std::vector<std::optional<ChildProcess>> sensors_;  // as place.sensors
 };
 
 // Path of a program that is installed with this one.
@@ -71,5 +84,7 @@ std::string beside_this_program(std::string_view program_name);
 std::string_view program(ProcessName process);
 // The same, but where one program runs twice: "takt-policy-host-fallback". Names its log.
 std::string label(ProcessName process);
+// "sensor-cam0"
+std::string label(const SensorProgram& program);
 
 }  // namespace takt::cli

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // takt run: options, what can be refused before anything starts, and the supervisor.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -19,6 +20,7 @@
 #include "cli/running_robots.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
+#include "config/printable.hpp"
 #include "executive/ipc/rendezvous.hpp"
 #include "monitor/record/run_folder.hpp"
 #include "simulation/scenario.hpp"
@@ -41,7 +43,7 @@ constexpr const char* kFooter =
 
 struct Given {
   std::string robot_file, runtime_dir, run_dir, duration, rearm_after, policy_host;
-  std::vector<std::string> at, plant, policy;
+  std::vector<std::string> at, plant, policy, sensors;
   policy_host::Grants policy_may;
   bool arm = false, allow_non_realtime = false, restart = false, to_the_end = false;
 };
@@ -91,6 +93,32 @@ std::expected<void, Refusal> check_policy_host(const Given& given, const config:
   return std::unexpected(Refusal{
       kExitUnavailable,
       fmt::format("--policy-host {} cannot be executed: give the path of a program you may run", given.policy_host)});
+}
+
+// NAME=PROGRAM of each sensor that a program of the user's serves.
+std::expected<std::vector<SensorProgram>, Refusal> sensor_programs(const Given& given,
+                                                                   const config::RobotConfig& robot) {
+  std::vector<SensorProgram> programs;
+  const auto refused = [](const std::string& sentence) { return std::unexpected(Refusal{kExitUsage, sentence}); };
+  for (const std::string& text : given.sensors) {
+    const std::size_t equals = text.find('=');
+    const std::string name = text.substr(0, equals);
+    const std::string command = equals == std::string::npos ? "" : text.substr(equals + 1);
+    const std::string option = "--sensor " + config::printable(text);
+    if (name.empty() || command.find_first_not_of(' ') == std::string::npos)
+      return refused(option + ": write NAME=PROGRAM, such as --sensor cam0=./camera.py");
+    std::vector<std::string> known;
+    for (const config::Sensor& sensor : robot.sensors) known.push_back(sensor.name);
+    if (std::ranges::find(known, name) == known.end())
+      return refused(fmt::format("{}: {} has no sensor {}; it has: {}", option, given.robot_file, name,
+                                 known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", "))));
+    if (robot.simulation && robot.simulation->camera_sensor == name)
+      return refused(fmt::format("{}: takt-plant serves {} (simulation.camera)", option, name));
+    if (std::ranges::find(programs, name, &SensorProgram::sensor) != programs.end())
+      return refused(fmt::format("{}: a second program of {}; one serves a sensor", option, name));
+    programs.push_back({name, command});
+  }
+  return programs;
 }
 
 // What takt-policy-host would refuse at its start, when plant, executive and monitor are running already.
@@ -157,6 +185,9 @@ int run(const Given& given) {
                    .policy_host = given.policy_host,
                    .policy_arguments = given.policy,
                    .policy_grants = given.policy_may};
+  auto sensors = sensor_programs(given, robot);
+  if (!sensors) return refuse(sensors.error().exit_code, sensors.error().sentence);
+  options.place.sensors = std::move(*sensors);
   if (const auto fine = check_processes(given, robot, options.events); !fine)
     return refuse(fine.error().exit_code, fine.error().sentence);
   if (const auto fine = check_policy_host(given, robot); !fine)
@@ -201,13 +232,18 @@ void add_run(CLI::App& app, int& exit_code) {
   command->add_option("--policy-host", given->policy_host,
                       "program to start instead of takt-policy-host: a policy in Python or C (docs/python-policy.md)");
   add_policy_may(*command, given->policy_may);
+  command
+      ->add_option(
+          "--sensor", given->sensors,
+          "NAME=PROGRAM: start the program that serves this sensor; with its options, quoted (docs/sensors.md)")
+      ->allow_extra_args(false);
   command->add_flag("--to-the-end", given->to_the_end, "for the whole --duration, even if the robot rests before");
   command->add_flag("--arm", given->arm, "arm as soon as nothing is missing");
   command
       ->add_option("--rearm-after", given->rearm_after,
                    "end the robot's own stops and faults this long after they began, and arm again; simulated robots")
       ->needs("--arm");
-  command->add_flag("--restart", given->restart, "restart a policy host or monitor that died");
+  command->add_flag("--restart", given->restart, "restart a policy host, monitor or sensor's program that died");
   command->add_flag("--allow-non-realtime", given->allow_non_realtime,
                     "run even without real-time guarantees; a simulated robot does anyway");
   command->footer(kFooter);

@@ -119,7 +119,9 @@ int Supervisor::run() {
   miss_the_rest();
   events_.note("ending", {{"because", end.sentence.empty() ? "the duration is over" : end.sentence}});
   processes_.end_all();
-  for (const ProcessName process : processes_.wanted()) note_ended(process);
+  for (const ProcessName process : processes_.wanted()) note_ended(label(process), processes_.find(process));
+  for (std::size_t i = 0; i < options_.place.sensors.size(); ++i)
+    note_ended(label(options_.place.sensors[i]), processes_.find_sensor(i));
   note_plant_faults();
   for (const std::string& fault : options_.plant_faults)
     miss(fmt::format("{}: {}", options_.plant_scenario, fault), "its instant did not come");
@@ -158,16 +160,14 @@ void Supervisor::note_beginning() {
   events_.note("scenario", {{"file", options_.plant_scenario}, {"sha256", config::sha256_hex(*text)}, {"text", *text}});
 }
 
-void Supervisor::note_started(ProcessName process) {
-  if (const ChildProcess* const child = processes_.find(process))
-    events_.note("started", {{"process", label(process)}, {"pid", child->pid()}});
+void Supervisor::note_started(const std::string& label, const ChildProcess* child) {
+  if (child != nullptr) events_.note("started", {{"process", label}, {"pid", child->pid()}});
 }
 
-void Supervisor::note_ended(ProcessName process) {
-  const ChildProcess* const child = processes_.find(process);
+void Supervisor::note_ended(const std::string& label, const ChildProcess* child) {
   if (child == nullptr || child->how_it_ended().empty() || !noted_ended_.insert(child->pid()).second) return;
   const std::string how = child->how_it_ended(), signal = child->ended_by();
-  events_.note("ended", {{"process", label(process)},
+  events_.note("ended", {{"process", label},
                          {"pid", child->pid()},
                          {"how", how},
                          {"signal", signal.empty() ? nlohmann::ordered_json() : nlohmann::ordered_json(signal)},
@@ -198,6 +198,9 @@ int Supervisor::exit_code_of_the_dead() {
   for (const ProcessName process : reported_dead_)
     if (const ChildProcess* child = processes_.find(process); !killed_by_script_.contains(process))
       if (child != nullptr && child->exit_code() != kExitOk) return exit_code_for(*child);
+  for (const std::size_t sensor : dead_sensors_)
+    if (const ChildProcess* child = processes_.find_sensor(sensor); child->exit_code() != kExitOk)
+      return exit_code_for(*child);
   return kExitOk;
 }
 
@@ -226,8 +229,10 @@ Supervisor::Outcome Supervisor::start_all() {
       return std::unexpected(End{kExitUnavailable, started.error()});
     for (const std::string& gap : processes_.find(process)->gaps())
       display_.note(fmt::format("warning: {}: {}", label(process), gap));
-    note_started(process);
+    note_started(label(process), processes_.find(process));
     if (auto ready = wait_ready(process); !ready) return ready;
+    if (process == ProcessName::executive)  // before the policy, which needs what they serve
+      if (auto ready = start_sensors(); !ready) return ready;
   }
   ready_at_ = now();
   if (!options_.events.empty() && !options_.arm)
@@ -237,6 +242,32 @@ Supervisor::Outcome Supervisor::start_all() {
         "warning: without real-time guarantees on this machine: fine for a look, not for a robot, and every artifact "
         "says "
         "so; `takt doctor` says how to correct it");
+  return {};
+}
+
+Supervisor::Outcome Supervisor::start_sensors() {
+  const std::vector<SensorProgram>& sensors = options_.place.sensors;
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    if (auto started = processes_.start_sensor(i); !started)
+      return std::unexpected(End{kExitUnavailable, started.error()});
+    note_started(label(sensors[i]), processes_.find_sensor(i));
+  }
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    ChildProcess& child = *processes_.find_sensor(i);
+    const auto fails = [&](int exit_code, const std::string& how) {
+      return std::unexpected(End{exit_code, fmt::format("--sensor {}={} {}\n{}", sensors[i].sensor, sensors[i].command,
+                                                        how, child.last_words())});
+    };
+    for (const Duration give_up = now() + kReadyWithin; !processes_.is_sensor_ready(i);) {
+      if (auto alive = look_after_children(); !alive) return alive;
+      if (!child.alive()) return fails(exit_code_for(child), child.how_it_ended() + " before it served the sensor");
+      if (now() >= give_up)
+        return fails(kExitUnavailable,
+                     fmt::format("did not serve the sensor within {} s: does it open {} in {}?",
+                                 kReadyWithin.ns / seconds(1).ns, sensors[i].sensor, options_.place.runtime_directory));
+      if (auto paused = pause(now() + kPollEvery); !paused) return paused;
+    }
+  }
   return {};
 }
 
@@ -366,7 +397,7 @@ Supervisor::Outcome Supervisor::look_after_children() {
     ChildProcess* child = processes_.find(process);
     if (!child || child->alive() || !ready_at_) continue;
     if (!reported_dead_.insert(process).second) continue;
-    note_ended(process);
+    note_ended(label(process), processes_.find(process));
     display_.note(fmt::format("{} {}", label(process), child->how_it_ended()));
     // A program that ended by itself said why; one that was killed could not.
     if (std::string words = child->last_words(); child->exit_code() && !words.empty() && !is_essential(process)) {
@@ -379,10 +410,35 @@ Supervisor::Outcome Supervisor::look_after_children() {
               fmt::format("{} {}: the run ends\n{}", program(process), child->how_it_ended(), child->last_words())});
     if (options_.restart) (void)restart(process);
   }
+  look_after_sensors();
   contention_.reap();
   events_.flush();
   note_plant_faults();
   return {};
+}
+
+// A robot whose policy misses a sensor stops by its contract; the run goes on.
+void Supervisor::look_after_sensors() {
+  for (std::size_t i = 0; i < options_.place.sensors.size(); ++i) {
+    ChildProcess* const child = processes_.find_sensor(i);
+    if (child == nullptr || child->alive() || !ready_at_ || !dead_sensors_.insert(i).second) continue;
+    const std::string name = label(options_.place.sensors[i]);
+    note_ended(name, child);
+    std::string words = child->last_words();
+    display_.note(fmt::format("{} {}", name, child->how_it_ended()));
+    if (!words.empty()) {
+      words.pop_back();
+      display_.note(words);
+    }
+    if (!options_.restart) continue;
+    if (const auto started = processes_.start_sensor(i); !started) {
+      display_.note(started.error());
+      continue;
+    }
+    dead_sensors_.erase(i);
+    note_started(name, processes_.find_sensor(i));
+    display_.note(name + " restarted");
+  }
 }
 
 std::string Supervisor::restart(ProcessName process) {
@@ -390,12 +446,12 @@ std::string Supervisor::restart(ProcessName process) {
   if (ChildProcess* child = processes_.find(process); child && child->alive())
     why = fmt::format("{} still runs", label(process));
   if (why.empty()) {
-    note_ended(process);
+    note_ended(label(process), processes_.find(process));
     if (auto started = processes_.start(process); !started) why = started.error();
   }
   if (why.empty()) {
     reported_dead_.erase(process);
-    note_started(process);
+    note_started(label(process), processes_.find(process));
   }
   display_.note(why.empty() ? fmt::format("{} restarted", label(process)) : why);
   return why;

@@ -2,10 +2,10 @@
 // `takt run` from start to end: starts a robot's processes and waits for each, arms, follows the run and its scenario,
 // and ends everything in the order that loses neither the robot nor the evidence. Nothing outlives it.
 //
-// A policy host or monitor that dies is reported (and restarted, when asked for); the executive or the plant dying ends
-// the run, and so does an executive that answers nothing for some seconds. Times of the scenario and the duration count
-// from the moment tracking began (without `arm` the duration counts from readiness). Thread rule: one thread, which has
-// SIGINT, SIGTERM, SIGHUP and SIGCHLD blocked.
+// A policy host, monitor or sensor's program that dies is reported (and restarted, when asked for); the executive or
+// the plant dying ends the run, and so does an executive that answers nothing for some seconds. Times of the scenario
+// and the duration count from the moment tracking began (without `arm` the duration counts from readiness). Thread
+// rule: one thread, which has SIGINT, SIGTERM, SIGHUP and SIGCHLD blocked.
 #pragma once
 
 #include <array>
@@ -56,6 +56,7 @@ class Supervisor {
 
   Outcome start_all();
   Outcome wait_ready(ProcessName process);
+  Outcome start_sensors();
   Outcome arm();
   Outcome follow();
   Outcome look_after_children();
@@ -70,8 +71,8 @@ class Supervisor {
   void miss_the_rest();
   // For events.jsonl.
   void note_beginning();
-  void note_started(ProcessName process);
-  void note_ended(ProcessName process);
+  void note_started(const std::string& label, const ChildProcess* child);
+  void note_ended(const std::string& label, const ChildProcess* child);
   void note_plant_faults();
   void rearm(Mode mode, bool stopped_by_another);
   void see(const OperatorReply& reply);
@@ -80,6 +81,7 @@ class Supervisor {
   // The last word about a robot that stands: in which stop or fault, and the exit code that it calls for.
   void tell_incident(End& end);
   [[nodiscard]] int exit_code_of_the_dead();
+  void look_after_sensors();
   // Says once that no command finds the executive any more.
   void look_for_socket();
   // What ends the run, whether or not the executive answers.
@@ -106,6 +108,7 @@ class Supervisor {
   bool socket_is_gone_ = false;
   IncidentNote incident_;  // as of then
   std::set<ProcessName> reported_dead_, killed_by_script_;
+  std::set<std::size_t> dead_sensors_;       // reported, and not restarted since
   std::vector<std::string> never_happened_;  // sentences
   std::set<pid_t> noted_ended_;
   bool script_ends_run_ = false;  // it killed the policy or asked for a stop
