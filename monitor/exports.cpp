@@ -32,6 +32,7 @@ void Exports::begin(const RunManifest& manifest, const std::string& folder, Mono
   began_ = now;
   metrics_.begin(manifest.run_id);
   told_catches_ = 0;
+  loads_.emplace(robot_);
   monitors_.reset();
   if (robot_.policy && robot_.policy->monitors) monitors_.emplace(robot_);
   if (dds_) condenser_.emplace(robot_, manifest.clock.monotonic_to_unix_ns, now, dds_->outbox());
@@ -68,6 +69,7 @@ RecordSink Exports::also_to(const RecordSink& recorded) {
     metrics_.tick(record);
     if (monitors_) monitors_->tick(record.header);
     tell_catches();
+    for (const LoadMismatch& found : loads_->tick(record)) spdlog::warn("{}", sentence_of(found, robot_));
     if (condenser_) condenser_->tick(record);
     if (otlp_) otlp_->tick(record);
   };

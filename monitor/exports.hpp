@@ -11,6 +11,7 @@
 #include "monitor/dds/condenser.hpp"
 #include "monitor/dds/exporter.hpp"
 #include "monitor/judge/chunk_monitors.hpp"
+#include "monitor/judge/load_watch.hpp"
 #include "monitor/record/record_stream.hpp"
 #include "monitor/record/run_manifest.hpp"
 #include "monitor/telemetry/live_metrics.hpp"
@@ -51,6 +52,7 @@ class Exports {
   // of the session
   std::optional<dds::Condenser> condenser_;
   std::optional<OtlpExporter> otlp_;
+  std::optional<LoadWatch> loads_;
   std::optional<ChunkMonitors> monitors_;  // none: the robot file watches for nothing
   std::size_t told_catches_ = 0;
 };

@@ -20,6 +20,7 @@
 #include "config/printable.hpp"
 #include "executive/incident/log_hint.hpp"
 #include "monitor/record/bounded_file.hpp"
+#include "monitor/record/strict_json.hpp"
 
 namespace takt::cli {
 namespace {
@@ -139,6 +140,7 @@ int Supervisor::run() {
   const bool recorded = access(options_.place.run_directory.c_str(), F_OK) == 0;
   std::printf("%s %s\n", recorded ? "run folder:" : "no run folder was written; logs:",
               config::printable(recorded ? options_.place.run_directory : logs).c_str());
+  if (recorded) tell_loads();
   tell_incident(end);
   if (end.exit_code == kExitOk && (is_missed || (was_recorded_ && !recorded))) return kExitFailed;
   return end.exit_code == kExitOk ? exit_code_of_the_dead() : end.exit_code;
@@ -191,6 +193,14 @@ void Supervisor::miss_the_rest() {
                       : std::string("tracking never began") + (options_.arm ? "" : "; takt run arms with --arm");
   for (; next_event_ < options_.events.size(); ++next_event_)
     if (!is_end(options_.events[next_event_])) miss(as_given(options_.events[next_event_]), why);
+}
+
+void Supervisor::tell_loads() const {
+  const auto text = monitor::read_file(options_.place.run_directory + "/metrics.json");
+  const auto metrics = text ? monitor::parse_strict(*text) : std::unexpected(text.error());
+  if (!metrics || !metrics->is_object() || !metrics->contains("load_mismatches")) return;
+  for (const nlohmann::ordered_json& each : (*metrics)["load_mismatches"])
+    fmt::print(stderr, "warning: {}\n", config::printable(each.value("sentence", "")));
 }
 
 // Of a process that failed meanwhile, of itself, and that the run went on without.

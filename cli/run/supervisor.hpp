@@ -80,6 +80,8 @@ class Supervisor {
   [[nodiscard]] std::string incident_text(const IncidentNote& incident);
   // The last word about a robot that stands: in which stop or fault, and the exit code that it calls for.
   void tell_incident(End& end);
+  // What the recorder found of the robot itself.
+  void tell_loads() const;
   [[nodiscard]] int exit_code_of_the_dead();
   void look_after_sensors();
   // Says once that no command finds the executive any more.

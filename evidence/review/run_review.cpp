@@ -15,6 +15,7 @@ std::expected<RunReview, std::string> review_of(const monitor::RecordedRun& run)
   incident::IncidentWatch incidents(run.robot);
   monitor::ChunkMonitors monitors(run.robot);
   monitor::SensorAges sensors(run.robot);
+  monitor::LoadWatch loads(run.robot);
   const auto scan =
       monitor::scan_run(run, {.tick =
                                   [&](const monitor::RecordedTick& tick) {
@@ -22,6 +23,7 @@ std::expected<RunReview, std::string> review_of(const monitor::RecordedRun& run)
                                     classifier.tick(tick.record);
                                     monitors.tick(tick.record.header);
                                     sensors.tick(tick.record.header);
+                                    monitor::note(review.metrics, loads.tick(tick.record));
                                     if (auto incident = incidents.tick(tick.record))
                                       monitor::note(review.metrics, std::move(*incident));
                                   },

@@ -14,6 +14,11 @@ void note(RunMetrics& metrics, incident::Incident incident) {
   if (metrics.incidents.size() < kListedIncidents) metrics.incidents.push_back(std::move(incident));
 }
 
+void note(RunMetrics& metrics, std::span<const LoadMismatch> found) {
+  for (const LoadMismatch& each : found)
+    if (metrics.load_mismatches.size() < kListedLoads) metrics.load_mismatches.push_back(each);
+}
+
 void note(RunMetrics& metrics, const ChunkMonitors& monitors) {
   metrics.catches = monitors.catches();
   metrics.catch_count = monitors.catch_count();
@@ -32,11 +37,13 @@ std::expected<RunMetrics, std::string> metrics_of(const RecordedRun& run) {
   incident::IncidentWatch incidents(run.robot);
   ChunkMonitors monitors(run.robot);
   SensorAges sensors(run.robot);
+  LoadWatch loads(run.robot);
   const auto scan = scan_run(run, {.tick =
                                        [&](const RecordedTick& tick) {
                                          collector.tick(tick.record);
                                          monitors.tick(tick.record.header);
                                          sensors.tick(tick.record.header);
+                                         note(metrics, loads.tick(tick.record));
                                          if (auto incident = incidents.tick(tick.record))
                                            note(metrics, std::move(*incident));
                                        },

@@ -15,6 +15,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,6 +23,7 @@
 #include "executive/incident/incident.hpp"
 #include "monitor/judge/chunk_monitors.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
+#include "monitor/judge/load_watch.hpp"
 #include "monitor/judge/sensor_ages.hpp"
 #include "monitor/record/recorded_run.hpp"
 
@@ -118,7 +120,8 @@ struct RunMetrics {
   std::string record_gap;
   std::vector<PolicyCatch> catches;  // of the chunk monitors, the first kListedCatches
   std::uint64_t catch_count = 0;
-  std::vector<Mark> marks;  // the first kListedMarks
+  std::vector<LoadMismatch> load_mismatches;  // the first kListedLoads
+  std::vector<Mark> marks;                    // the first kListedMarks
   std::uint64_t mark_count = 0;
   std::map<std::string, std::uint64_t> losses;  // "tick overwritten" -> entries
   std::uint64_t missing_ticks = 0;              // gaps in the tick numbers
@@ -127,11 +130,13 @@ struct RunMetrics {
 };
 inline constexpr std::size_t kListedTransitions = 1000;
 inline constexpr std::size_t kListedMarks = 1000;
+inline constexpr std::size_t kListedLoads = 1000;
 inline constexpr std::size_t kListedPolicyChanges = 1000;
 inline constexpr std::size_t kListedIncidents = 1000;
 
 void note(RunMetrics& metrics, incident::Incident incident);
 void note(RunMetrics& metrics, const ChunkMonitors& monitors);
+void note(RunMetrics& metrics, std::span<const LoadMismatch> found);
 // The gravest comes first: what was not requested, faults before stops; among equals the oldest.
 std::vector<incident::Incident> by_gravity(std::vector<incident::Incident> incidents);
 

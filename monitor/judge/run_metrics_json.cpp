@@ -193,6 +193,14 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
                                {"observation", one.observation},
                                {"sentence", one.sentence}});
   json["mark_count"] = metrics.mark_count;
+  json["load_mismatches"] = Json::array();
+  for (const LoadMismatch& each : metrics.load_mismatches)
+    json["load_mismatches"].push_back({{"tick", each.tick},
+                                       {"monotonic_ns", each.at.ns},
+                                       {"joint", run.robot.joints[each.joint].name},
+                                       {"measured", each.measured},
+                                       {"model", each.model},
+                                       {"sentence", sentence_of(each, run.robot)}});
   json["marks"] = Json::array();
   for (const Mark& mark : metrics.marks) {
     json["marks"].push_back({{"tick", mark.tick}, {"monotonic_ns", mark.at.ns}});

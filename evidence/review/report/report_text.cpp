@@ -225,6 +225,17 @@ std::string catches(const monitor::RunMetrics& metrics, const monitor::RecordedR
   return text;
 }
 
+// Nothing where `model` fits, or there is none.
+std::string loads(const monitor::RunMetrics& metrics, const monitor::RecordedRun& run, std::size_t most) {
+  std::string text;
+  for (std::size_t index = 0; index < std::min(most, metrics.load_mismatches.size()); ++index)
+    text +=
+        fmt::format("{:<14}{}\n", index == 0 ? "masses" : "", sentence_of(metrics.load_mismatches[index], run.robot));
+  if (metrics.load_mismatches.size() > most)
+    text += fmt::format("{:<14}and {} more\n", "", metrics.load_mismatches.size() - most);
+  return text;
+}
+
 std::string on_wire(const monitor::RunMetrics& metrics, const monitor::RecordedRun& run) {
   std::string text;
   for (std::size_t bus = 0; bus < std::min(run.robot.buses.size(), kMaxBuses); ++bus) {
@@ -381,7 +392,8 @@ std::string report_text(const monitor::RunMetrics& metrics, const monitor::Recor
     text += fmt::format("  {:<12} {}\n", "together", together);
   text += "  consecutive ticks share a command: the per-tick bound is optimistic, quote the one per command\n\n";
   text += fmt::format("modes         {}\n", modes_line(metrics)) + transitions(metrics, most) +
-          requests(metrics, most) + candidate(metrics, most) + catches(metrics, run, most) + marks(metrics, most);
+          requests(metrics, most) + candidate(metrics, most) + catches(metrics, run, most) + loads(metrics, run, most) +
+          marks(metrics, most);
   const auto arrival = [](std::size_t index) { return takt::name(static_cast<Arrival>(index)); };
   text += fmt::format("commands      accepted {}; refused: {}\n",
                       metrics.arrivals[static_cast<std::size_t>(Arrival::accepted)],
