@@ -45,7 +45,8 @@ std::expected<int, Refusal> roll_back(const RollbackOptions& options) {
   if (options.json)
     fmt::print("{}\n", json_line(nlohmann::ordered_json{{"from", from}, {"to", to}, {"proven", store->is_proven(to)}}));
   else
-    fmt::print("{} is in use again instead of {}{}\n", to, from.empty() ? "nothing" : from,
+    fmt::print("{} is in use {} instead of {}{}\n", to,
+               options.place.restart.empty() ? "from the next start on" : "again", from.empty() ? "nothing" : from,
                store->is_proven(to) ? "" : fmt::format("; {} never passed a probation", to));
   return kExitOk;
 }

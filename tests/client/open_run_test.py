@@ -57,6 +57,16 @@ class OpenRun(unittest.TestCase):
         relied = ticks[ticks["previous_mode"].isin(["tracking", "degraded"])]
         self.assertAlmostEqual(relied["age_ms"].max(), 1e-6 * self.metrics["age_ns"]["per_tick"]["total"]["max"], places=6)
 
+    def test_what_was_not_heard_yet_is_nan(self):
+        run = takt.open(self.folder / "run")
+        array, first = run.tick_array.copy(), run.joints[0]
+        array["feedback_received_at"][0] = 0
+        run.__dict__["tick_array"] = array
+        ticks = run.ticks
+        self.assertTrue(ticks[[f"feedback_q.{first}", f"q_estimate.{first}", f"tau_gravity.{first}"]].iloc[0].isna().all())
+        self.assertFalse(ticks[f"feedback_q.{first}"].iloc[1:].isna().any())
+        self.assertEqual(ticks[f"kp_command.{first}"].iloc[0], array["kp_command"][0, 0])
+
     def test_joints_and_buses_have_columns_of_their_own(self):
         ticks, array = self.run_.ticks, self.run_.tick_array
         self.assertEqual(self.run_.joints[2], "elbow")

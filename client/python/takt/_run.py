@@ -16,6 +16,9 @@ from takt._refused import Refused
 if TYPE_CHECKING:
     import pandas
 
+# What is computed of a drive's feedback, and 0 in the record before there is one.
+_OF_FEEDBACK = {"feedback_q", "feedback_dq", "feedback_tau", "feedback_temperature", "feedback_casing", "q_estimate", "dq_estimate", "q_reference", "dq_reference",
+                "tau_gravity"}
 _AGE_PARTS = ("age_sense", "age_queue", "age_infer", "age_publish", "age_hold")
 _SENDERS = {1: "policy", 2: "fallback", 3: "candidate"}
 _IMAGE_KEY = ("sensor", "sequence", "sensed_at", "published_at")
@@ -87,7 +90,8 @@ class Run:
     @functools.cached_property
     def ticks(self) -> "pandas.DataFrame":
         """Every recorded tick. Enumerations by name; a column of each joint and each bus for what they have one by one, as "q_estimate.elbow"
-        and "bus_state.can0"; `age_ms`: of the command that the tick relied on, all parts of it together.
+        and "bus_state.can0"; `age_ms`: of the command that the tick relied on, all parts of it together. What rests on a drive that was
+        not heard yet is NaN (`tick_array`: 0).
         """
         pandas, found = _pandas(), self.tick_array
         columns: Dict[str, Any] = {"s": (found["now"] - found["now"][:1]) * 1e-9, "age_ms": sum(found[part] for part in _AGE_PARTS) * 1e-6}
@@ -98,7 +102,10 @@ class Run:
                 continue
             owners = self.buses if field.name.startswith("bus_") else self.joints
             for index, owner in enumerate(owners[:values.shape[1]]):
-                columns[f"{field.name}.{owner}"] = self._named(field, values[:, index])
+                column = self._named(field, values[:, index])
+                if field.name in _OF_FEEDBACK:
+                    column = np.where(found["feedback_received_at"][:, index] == 0, np.nan, column)
+                columns[f"{field.name}.{owner}"] = column
         return pandas.DataFrame(columns)
 
     @functools.cached_property

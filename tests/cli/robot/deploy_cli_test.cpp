@@ -134,7 +134,10 @@ TEST_F(Deploy, RollbackGoesBackByHand) {
   EXPECT_EQ(back.exit_code, 0) << back.output;
   EXPECT_EQ(nlohmann::json::parse(back.output)["to"], "two");
   EXPECT_EQ(in_use(), "two");
-  EXPECT_EQ(takt("rollback --to three" + store).exit_code, 0);
+  const Ended later = takt("rollback --to three" + store);
+  EXPECT_EQ(later.exit_code, 0);
+  EXPECT_NE(later.output.find("three is in use from the next start on instead of two"), std::string::npos)
+      << later.output;
   EXPECT_EQ(in_use(), "three");
   EXPECT_TRUE(fs::exists(in("store/robot/simulated")));
   EXPECT_EQ(takt("rollback --to nowhere" + store).exit_code, 1);
