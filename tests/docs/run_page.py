@@ -140,6 +140,7 @@ def main():
     folder = pathlib.Path(tempfile.mkdtemp(prefix="takt-docs."))
     try:
         (folder / "docs").symlink_to(page.parent)
+        (folder / "client").symlink_to(page.parent.parent / "client")
         for name, file in brought.items():
             shutil.copy(file, folder / name)
         if "--patient" in sys.argv:

@@ -87,7 +87,7 @@ A robot's assessment has to name the devices of the last section.
 
 Made by `build/release/bin/hazard_page >docs/hazards.md`.
 `ctest -R hazards` runs every proof and measures every time again; one without a program's name is of `pipeline_test`.
-`./dev mutants` plants a fault for each row, which one of its proofs has to notice ([mutants.md](mutants.md)).
+`./dev mutants` plants a fault for each row, which one of its proofs has to notice ([mutants](../tests/mutants/README.md)).
 
 ```
  operator ── arm, stop, disarm ──► executive ── frames ──► drives ──► joints

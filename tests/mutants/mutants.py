@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: Apache-2.0
-"""Is every line that can break a promise watched by a test? Changes them one by one, and sees who notices (docs/mutants.md).
+"""Is every line that can break a promise watched by a test? Changes them one by one, and sees who notices (tests/mutants/README.md).
 
   mutants.py                        one mutant of each kind in each function, and every fault of faults.toml
   mutants.py --all                  every place there is: hours
