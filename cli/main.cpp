@@ -3,6 +3,7 @@
 // it.
 #include <algorithm>
 #include <span>
+#include <string>
 #include <string_view>
 
 #include "cli/command.hpp"
@@ -17,7 +18,7 @@ bool is_own(std::string_view word) {
   int ignored = 0;
   for (const AddCommand add : operator_commands()) add(app, ignored);
   return std::ranges::any_of(app.get_subcommands([](const CLI::App*) { return true; }),
-                             [word](const CLI::App* command) { return command->get_name() == word; });
+                             [word](const CLI::App* command) { return command->check_name(std::string(word)); });
 }
 
 // What `takt help` is asked about, or what it is to do.

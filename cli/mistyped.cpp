@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 
 #include "config/nearest.hpp"
 #include "config/printable.hpp"
@@ -28,7 +29,10 @@ std::vector<std::string> options_of(const CLI::App& app) {
 std::vector<std::string> commands_of(const CLI::App& app) {
   std::vector<std::string> names;
   for (const CLI::App* child : children_of(app))
-    if (!child->get_name().empty()) names.push_back(child->get_name());
+    if (!child->get_name().empty()) {
+      names.push_back(child->get_name());
+      std::ranges::copy(child->get_aliases(), std::back_inserter(names));
+    }
   return names;
 }
 

@@ -213,6 +213,8 @@ void add(CLI::App& app, int& exit_code, OperatorVerb verb, const char* word, con
   CLI::Option_group* where = command->add_option_group("where", "which running robot, where there are several");
   where->add_option("--runtime-dir", options->runtime_dir, "its runtime directory");
   where->add_option("--robot", options->robot_file, "its robot file: the one of that name");
+  if (verb == OperatorVerb::press_stop)  // what a hand types in a hurry
+    for (const char* const alias : {"halt", "kill", "disarm"}) command->alias(alias);
   if (verb == OperatorVerb::press_stop)
     where->add_flag("--all", options->all,
                     "every robot of this user and of the units; softly, however often it is asked");
@@ -240,6 +242,7 @@ void add_stop(CLI::App& app, int& exit_code) {
   add(app, exit_code, OperatorVerb::press_stop, "stop",
       "Stop softly: damping until the robot rests, then hold. A second time: no power, in every mode.",
       "Example: takt stop, takt stop --all\n"
+      "`takt halt`, `takt kill` and `takt disarm` are the same.\n"
       "The second stop may come 0.2 s after the first, until the stop is reset. What hangs falls.\n"
       "After one stop of an armed robot `takt arm` is refused until `takt reset` or the executive's end; after the\n"
       "second, or --now, it is not.\n"

@@ -41,7 +41,8 @@ class Help:
         commands = [entry for heading in list(self.sections) if heading not in SECTIONS[:2] for entry in self.sections.pop(heading)]
         if commands:
             self.sections["Subcommands:"] = commands
-        self.children = [Help(bin_dir, words + [name]) for name, _ in commands if is_there(bin_dir, words + [name])]
+        names = [name.partition(",")[0] for name, _ in commands]  # without its aliases
+        self.children = [Help(bin_dir, words + [name]) for name in names if is_there(bin_dir, words + [name])]
 
     @property
     def name(self):

@@ -481,6 +481,8 @@ TEST_F(Cli, BareCommandsFindTheOneRobotThatRuns) {
   const Ended as_json = bare("stop --json");
   EXPECT_EQ(as_json.exit_code, 69);
   EXPECT_FALSE(nlohmann::json::parse(as_json.output)["done"].get<bool>());
+  for (const char* const hurried : {"halt", "kill", "disarm"})
+    EXPECT_EQ(bare(std::string(hurried) + " --json").output, as_json.output) << hurried << " is stop";
   EXPECT_EQ(bare("top --once").exit_code, 69);
 
   const Background robot("takt run " + robot_ + " --allow-non-realtime --run-dir " + in("run"), in("takt.log"), user);

@@ -34,10 +34,10 @@ def help_of(bin_dir, words):
 
 
 def subcommands(text):
-    """Under whichever title."""
+    """Under whichever title, without their aliases."""
     titled = re.findall(r"^([A-Z][\w, -]+):\n((?:  .*\n)+)", text + "\n", re.M)
     return [name for title, below in titled if title not in ("Options", "Positionals") and not title.startswith("Example")
-            for name in re.findall(r"^  (\S+)", below, re.M)]
+            for name in re.findall(r"^  ([^\s,]+)", below, re.M)]
 
 
 def rendered(page):
