@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which class plays which protocol's drive. Adding a protocol: docs/adding-a-drive.md.
+// Which class plays which protocol's drive. Adding a protocol: drivers/protocol/README.md.
 #pragma once
 
 #include <memory>

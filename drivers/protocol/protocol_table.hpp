@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a protocol brings to the host side, one row each. Adding a protocol: docs/adding-a-drive.md.
+// What a protocol brings to the host side, one row each. Adding a protocol: drivers/protocol/README.md.
 #pragma once
 
 #include <cstdint>

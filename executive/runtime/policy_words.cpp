@@ -29,6 +29,10 @@ PolicyWords::SeatWords& PolicyWords::words_of(Role role) {
 void PolicyWords::put(const PolicyWord& word, MonoTime now) {
   Standing& standing = words_of(word.role).standing[static_cast<std::size_t>(word.kind)];
   if (standing.is_known && says_the_same(standing.word, word)) return;
+  if (word.kind == PolicyWordKind::problem && standing.is_known && standing.word.sentence[0] != '\0') {
+    words_of(word.role).past_problem = standing.word.sentence;
+    words_of(word.role).past_until = now;
+  }
   const std::uint32_t superseded = standing.is_due ? standing.word.superseded + 1 : 0;
   standing = {.word = word, .is_known = true, .is_due = true};
   standing.word.superseded = superseded;
@@ -67,6 +71,12 @@ std::string PolicyWords::problem(Role role) const {
   return seats_[seat_of(role).value_or(Seat::policy)]
       .standing[static_cast<std::size_t>(PolicyWordKind::problem)]
       .word.sentence;
+}
+
+std::string PolicyWords::problem_since(Role role, MonoTime at) const {
+  const std::string now = problem(role);
+  const SeatWords& seat = seats_[seat_of(role).value_or(Seat::policy)];
+  return now.empty() && seat.past_until > at ? seat.past_problem : now;
 }
 
 void PolicyWords::tell_all_again() {

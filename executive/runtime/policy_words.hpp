@@ -32,6 +32,8 @@ class PolicyWords {
   void answers(Role role, MonoTime now);
   // Why this policy publishes no command, as it says; empty: it did not say.
   [[nodiscard]] std::string problem(Role role) const;
+  // The same as of `at` or later: what is over since is still why commands stayed away then.
+  [[nodiscard]] std::string problem_since(Role role, MonoTime at) const;
   // A recorder came, who knows nothing yet: all that stands is told again.
   void tell_all_again();
   // What is to be told now, oldest first.
@@ -47,6 +49,8 @@ class PolicyWords {
     MonoTime window_begin;
     std::uint32_t told = 0;  // in this window
     bool is_presumed = false;
+    std::string past_problem;  // the newest that is over
+    MonoTime past_until;
   };
   SeatWords& words_of(Role role);
   void put(const PolicyWord& word, MonoTime now);

@@ -221,7 +221,7 @@ IncidentNote Reception::incident() const {
   note.asked = incident->asked ? 1 : 0;
   note.stands = incidents->stands() ? 1 : 0;
   incident->where.copy(note.where, sizeof note.where - 1);
-  incident::with_known_reason(incident->sentence, words_.problem(Role::policy))
+  incident::with_known_reason(incident->sentence, words_.problem_since(Role::policy, incident->at))
       .copy(note.sentence, sizeof note.sentence - 1);
   return note;
 }

@@ -11,6 +11,7 @@ import sys
 
 MOST_LINES = MOST_COLUMNS = 120
 MOST_LINES_OF_A_RELEASE = 40
+CONTRIBUTORS_PAGES = ("drivers/protocol/README.md", "tests/mutants/README.md")
 
 
 def broken_links(page):
@@ -37,7 +38,7 @@ def releases(changelog):
 
 def main():
     root = pathlib.Path(sys.argv[1])
-    pages = [root / "README.md", root / "CONTRIBUTING.md", *sorted((root / "docs").glob("*.md"))]
+    pages = [root / "README.md", root / "CONTRIBUTING.md", *sorted((root / "docs").glob("*.md")), *(root / page for page in CONTRIBUTORS_PAGES)]
     problems = [problem for page in pages for problem in broken_links(page)]
     problems += [problem for page in [*pages, root / "CHANGELOG.md"] for problem in merge_marks(page)]
     problems += releases(root / "CHANGELOG.md")

@@ -37,6 +37,17 @@ TEST(PolicyWords, TellsWhatIsNewOnceAndThatItIsOver) {
   EXPECT_EQ(words.problem(Role::policy), "");
 }
 
+// Goal: an incident keeps its sensor's name after the sensor is back.
+TEST(PolicyWords, AProblemThatIsOverIsStillWhyItStoppedThen) {
+  PolicyWords words;
+  words.take(word("no sensor"), kNow);
+  words.take(word(""), kNow + seconds(2));
+  EXPECT_EQ(words.problem_since(Role::policy, kNow + seconds(1)), "no sensor");
+  EXPECT_EQ(words.problem_since(Role::policy, kNow + seconds(3)), "") << "of a later incident it is no reason";
+  words.take(word("too slow"), kNow + seconds(4));
+  EXPECT_EQ(words.problem_since(Role::policy, kNow + seconds(3)), "too slow");
+}
+
 // Threat: policy-words
 TEST(PolicyWords, WhoSpeaksTooFastIsToldByItsNewestAndTheOthersAreCounted) {
   PolicyWords words;
