@@ -99,7 +99,9 @@ std::string_view after_stop(OperatorVerb verb, Mode mode) {
       verb == OperatorVerb::press_stop || verb == OperatorVerb::stop || verb == OperatorVerb::deenergise;
   if (!is_stop) return "";
   if (mode == Mode::standby) return ": no drive has power; the next `takt arm` moves the robot";
-  return mode == Mode::damped_stop || mode == Mode::fault_latched ? ": `takt arm` is refused until `takt reset`" : "";
+  return mode == Mode::damped_stop || mode == Mode::fault_latched
+             ? ": `takt arm` is refused until `takt reset`, a second stop or a restart"
+             : "";
 }
 
 void print_reply(OperatorVerb verb, const OperatorReply& reply, const OperatorOptions& options,
@@ -186,6 +188,15 @@ std::string elsewhere(const OperatorOptions& options) {
   return lines;
 }
 
+// Who stops "the" robot must not turn away from another that moves on.
+void tell_others(const OperatorOptions& options, const std::string& stopped) {
+  if (!options.runtime_dir.empty() || !options.robot_file.empty()) return;
+  for (const RunningRobot& robot : running_robots_anywhere(places_of_this_user()))
+    if (robot.runtime_directory != stopped)
+      fmt::print(stderr, "note: {} runs on: takt stop --runtime-dir {}, or takt stop --all\n", robot.name,
+                 robot.runtime_directory);
+}
+
 int request(OperatorVerb verb, const OperatorOptions& options) {
   if (options.all) return stop_all(verb, options.json);
   auto directory = runtime_dir_of(options);
@@ -204,6 +215,7 @@ int request(OperatorVerb verb, const OperatorOptions& options) {
     return refuse_request({kExitUnavailable, reply.error()}, options.json,
                           fmt::format("no executive answers in {}: {}", *directory, reply.error()));
   print_reply(verb, *reply, options, *directory);
+  if (!options.json && !after_stop(verb, reply->status.tick.mode).empty()) tell_others(options, *directory);
   return verb == OperatorVerb::status || reply->done != 0 ? kExitOk : kExitFailed;
 }
 

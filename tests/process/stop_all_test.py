@@ -73,6 +73,13 @@ def stops(programs, robots):
     unseen = ask(programs, "stop")
     assert unseen.returncode == 69 and f"elsewhere far: --runtime-dir {robots.folder / 'sockets'}" in unseen.stderr, unseen
     robots.start("left")
+    one = ask(programs, "stop")
+    assert one.returncode == 0 and f"note: far runs on: takt stop --runtime-dir {robots.folder / 'sockets'}, or takt stop --all" in one.stderr, one
+    assert robots.mode("far") == "tracking"
+    ask(programs, "stop", "--robot", robots.file("left"), "--now")
+    robots.wait_for("left", "standby")
+    assert ask(programs, "arm", "--robot", robots.file("left")).returncode == 0
+    robots.wait_for("left", "tracking")
     robots.start("right")
     shared = "control.cpu 1 is robot left's too"
     assert shared in robots.log("right") and shared not in robots.log("left")
