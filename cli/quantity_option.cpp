@@ -45,7 +45,11 @@ CLI::Option* JointOption::add(CLI::App& command, const std::string& name, const 
   option->transform(CLI::Validator(
       [this](std::string& text) -> std::string {
         text_ = text;
-        if (config::parse_number(text)) return {};
+        if (const auto number = config::parse_number(text)) {
+          if (*number == 0) return {};
+          return fmt::format("{} has no unit; write it in {}, of a slide in {}", text,
+                             config::symbols(hinge_.dimension), config::symbols(slide_.dimension));
+        }
         const auto hinge = config::parse_quantity(text, hinge_.dimension);
         const auto slide = config::parse_quantity(text, slide_.dimension);
         if (!hinge && !slide) return hinge.error() + "; of a slide in " + config::symbols(slide_.dimension);

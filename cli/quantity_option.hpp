@@ -16,7 +16,7 @@ namespace takt::cli {
 CLI::Option* add_quantity(CLI::App& command, const std::string& name, double& value, const std::string& unit,
                           const std::string& meaning);
 
-// A quantity of a joint whose kind its robot file alone says. A number alone is in the joint's own of both units.
+// A quantity of a joint whose kind its robot file alone says. It moves the joint: a number alone, but 0, is refused.
 class JointOption {
  public:
   // Of a hinge and of a slide, of config::units().

@@ -111,6 +111,9 @@ int run(const MarginOptions& options) {
   if (!joints) return fail("takt margin", joints.error());
   if (!options.svg.empty() && std::ranges::none_of(*joints, &study::JointMargins::has_loop))
     return fail("takt margin", robot.file + ": no joint has a loop to draw; leave out --svg");
+  if (!options.svg.empty())  // before the rollouts, which take minutes
+    if (auto written = monitor::replace_file(options.svg, study::bode_svg(*joints)); !written)
+      return fail("takt margin", written.error());
   auto task = measure_task(options, robot);
   if (!task) {
     // What was measured of the joints holds whatever the task does.
@@ -119,10 +122,6 @@ int run(const MarginOptions& options) {
     return fail("takt margin", task.error());
   }
   const study::MarginReport report{robot, std::move(*joints), std::move(*task), not_measured};
-  if (!options.svg.empty()) {
-    if (auto written = monitor::replace_file(options.svg, study::bode_svg(report.joints)); !written)
-      return fail("takt margin", written.error());
-  }
   fmt::print("{}", options.json ? json_line(study::to_json(report)) + "\n" : study::margin_text(report));
   for (const study::JointMargins& joint : report.joints)
     if (joint.rings()) fmt::print(stderr, "takt margin: {}\n", study::ringing_sentence(joint));

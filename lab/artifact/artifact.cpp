@@ -87,7 +87,9 @@ std::string ArtifactFolder::post_mortem(const evidence::RolloutRow& row) const {
 
 std::expected<ArtifactManifest, std::string> ArtifactFolder::read_manifest() const {
   const auto text = monitor::read_file(manifest());
-  if (!text) return std::unexpected(fmt::format("{}: is {} an artifact? It is the folder of `takt panel run --out`", text.error(), path_));
+  if (!text)
+    return std::unexpected(
+        fmt::format("{}: is {} an artifact? It is the folder of `takt panel run --out`", text.error(), path_));
   const auto json = monitor::parse_strict(*text);
   if (!json) return std::unexpected(fmt::format("{} is {}", manifest(), json.error()));
   if (json->contains("schema") &&

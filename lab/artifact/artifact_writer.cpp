@@ -132,6 +132,9 @@ std::expected<ArtifactWriter, std::string> ArtifactWriter::create(const std::str
     return std::unexpected(
         fmt::format("{} holds an artifact already; go on with it by --resume, or name another", path));
   }
+  for (const std::string& file : {folder.panel(), folder.schema(), folder.rows(), folder.row_seals()})
+    if (std::filesystem::exists(file, error))
+      return std::unexpected(fmt::format("{} is there already, and {} is no artifact; name a new folder", file, path));
   std::filesystem::create_directories(path, error);
   if (error) return std::unexpected(fmt::format("cannot make {}: {}", path, error.message()));
   if (config::sha256_hex(panel_text) != manifest.panel_sha256) {

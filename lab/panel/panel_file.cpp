@@ -12,6 +12,7 @@
 
 #include "config/checks.hpp"
 #include "config/document.hpp"
+#include "config/nearest.hpp"
 #include "config/reader.hpp"
 
 namespace takt::lab {
@@ -165,6 +166,14 @@ bool is_of_the_world(std::string_view key) {
   });
 }
 
+// The built-in method that a mistyped one looks like, which would run the robot file as it is. Empty: none.
+std::string_view built_in_meant(const PanelMethod& method) {
+  if (evidence::find_built_in(method.name) != nullptr || !method.overrides.empty() || method.repeat_last) return {};
+  std::vector<std::string_view> names;
+  for (const evidence::BuiltInMethod& each : evidence::built_in_methods()) names.push_back(each.name);
+  return config::nearest(method.name, names);
+}
+
 void check_tasks_and_methods(const Panel& panel, config::Checker& checker) {
   checker.require(is_lower_case(panel.name), "panel", "has capital letters; rows hold small ones only");
   std::set<evidence::Task> seen;
@@ -181,6 +190,10 @@ void check_tasks_and_methods(const Panel& panel, config::Checker& checker) {
     checker.require(
         evidence::find_built_in(method.name) == nullptr || (method.overrides.empty() && !method.repeat_last), name,
         "is a built-in method's name, which takes no `override` and no `link`; choose another name");
+    const std::string_view meant = built_in_meant(method);
+    checker.require(
+        meant.empty(), name,
+        fmt::format("`{}` is no built-in method and overrides nothing; did you mean `{}`?", method.name, meant));
     for (std::size_t k = 0; k < method.overrides.size(); ++k)
       checker.require(!is_of_the_world(method.overrides[k].key), fmt::format("methods[{}].override[{}].key", i, k),
                       fmt::format("`{}` would give this method a world of its own; override it in the task",

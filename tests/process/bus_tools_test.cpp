@@ -130,7 +130,8 @@ TEST_F(BusTools, WatchAsksWhereNoOtherProgramDoes) {
 class JogOfEveryProtocol : public BusTools, public testing::WithParamInterface<const char*> {};
 
 TEST_P(JogOfEveryProtocol, MovesTheJointAndLetsGo) {
-  const Ended jog = takt({"joint", "jog", GetParam(), "--by", "3", "--speed", "20", "--torque", "4", "--json"});
+  const Ended jog =
+      takt({"joint", "jog", GetParam(), "--by", "3deg", "--speed", "20deg/s", "--torque", "4Nm", "--json"});
   ASSERT_EQ(jog.exit_code, 0) << jog.output;
   EXPECT_NEAR(jog.json().at("moved_rad").get<double>(), 3 * 0.01745, 0.015) << jog.output;
 }
@@ -149,7 +150,7 @@ class JogOfAnotherScale : public BusTools {
     std::ofstream(robot_) << text.replace(at, old.size(), now);
   }
   Ended jog(const std::string& joint) {
-    return takt({"joint", "jog", joint, "--without-gravity", "--by", "3", "--speed", "20", "--torque", "4"});
+    return takt({"joint", "jog", joint, "--without-gravity", "--by", "3deg", "--speed", "20deg/s", "--torque", "4Nm"});
   }
 };
 
@@ -162,12 +163,16 @@ TEST_F(JogOfAnotherScale, CountsThatAreNotTheDrivesAreNamed) {
 
 // The demo arm's shoulder carries the arm: it moves as asked in either direction, or says that it did not.
 TEST_F(BusTools, JogGoesWhereItIsToldAgainstGravityOrNotAtAll) {
-  for (const char* by : {"5", "-5"}) {
+  for (const char* by : {"5deg", "-5deg"}) {
     const Ended jog = takt({"joint", "jog", "left_shoulder", "--by", by, "--json"});
     ASSERT_EQ(jog.exit_code, 0) << jog.output;
     EXPECT_NEAR(jog.json().at("moved_rad").get<double>(), std::stod(by) * 0.01745, 0.02) << jog.output;
   }
-  const Ended beyond = takt({"joint", "jog", "left_shoulder", "--by", "500"});
+  const Ended bare = takt({"joint", "jog", "left_shoulder", "--by", "5"});
+  EXPECT_EQ(bare.exit_code, 64);
+  EXPECT_NE(bare.output.find("--by: 5 has no unit; write it in rad or deg, of a slide in m or mm"), std::string::npos)
+      << bare.output;
+  const Ended beyond = takt({"joint", "jog", "left_shoulder", "--by", "500deg"});
   EXPECT_EQ(beyond.exit_code, 1) << beyond.output;
   EXPECT_NE(beyond.output.find("outside limits.position"), std::string::npos) << beyond.output;
 }
@@ -175,7 +180,8 @@ TEST_F(BusTools, JogGoesWhereItIsToldAgainstGravityOrNotAtAll) {
 // Periods that a pause swallowed are skipped: sent in a burst, their frames would look to the driver like as many ticks
 // without a reply. Pauses are far shorter than the drive's watchdog.
 TEST_F(BusTools, JogGoesOnAfterAPause) {
-  Child jog = start({"joint", "jog", "right_wrist_yaw", "--by", "3", "--speed", "20", "--torque", "4", "--json"});
+  Child jog =
+      start({"joint", "jog", "right_wrist_yaw", "--by", "3deg", "--speed", "20deg/s", "--torque", "4Nm", "--json"});
   for (int pause = 0; pause < 12; ++pause) {
     jog.signal(SIGSTOP);
     std::this_thread::sleep_for(std::chrono::milliseconds(30));
@@ -272,29 +278,30 @@ TEST_F(JointHome, ByHandOfADriveThatKeepsItUntilItsSupplyGoes) {
   const Ended jog = takt({"joint", "jog", "right_elbow", "--without-gravity"});
   EXPECT_EQ(jog.exit_code, 1);
   EXPECT_NE(jog.output.find("takt joint home JOINT --robot FILE --at ANGLE"), std::string::npos) << jog.output;
-  const Ended not_meant = home("left_elbow", "right_elbow --at -68.75");
+  const Ended not_meant = home("left_elbow", "right_elbow --at -68.75deg");
   EXPECT_EQ(not_meant.exit_code, 1);
   EXPECT_NE(not_meant.output.find("not confirmed: nothing was changed"), std::string::npos) << not_meant.output;
-  EXPECT_EQ(home("right_elbow", "right_elbow --at 200").exit_code, 64) << "outside its limits";
-  const Ended done = home("right_elbow", "right_elbow --at -68.75");
+  EXPECT_EQ(home("right_elbow", "right_elbow --at 200deg").exit_code, 64) << "outside its limits";
+  const Ended done = home("right_elbow", "right_elbow --at -68.75deg");
   ASSERT_EQ(done.exit_code, 0) << done.output;
   EXPECT_NE(done.output.find("reads -68.75 deg now"), std::string::npos) << done.output;
-  const Ended after = takt({"joint", "jog", "right_elbow", "--without-gravity", "--by", "0.1", "--json"});
+  const Ended after = takt({"joint", "jog", "right_elbow", "--without-gravity", "--by", "0.1deg", "--json"});
   EXPECT_EQ(after.output.find("does not know where"), std::string::npos) << after.output;
 }
 
 TEST_F(JointHome, WithoutAStopNothingIsTold) {
-  const Ended search = home("right_wrist_yaw", "right_wrist_yaw --at 90 --to-stop forward --within 2 --torque 4");
+  const Ended search =
+      home("right_wrist_yaw", "right_wrist_yaw --at 90deg --to-stop forward --within 2deg --torque 4Nm");
   EXPECT_EQ(search.exit_code, 1);
   EXPECT_NE(search.output.find("no stop within 2.0 deg"), std::string::npos) << search.output;
   EXPECT_EQ(search.output.find("type its name"), std::string::npos) << search.output;
 }
 
 TEST_F(JointHome, OfSeveralPlacesTheNearestHoldsForOneStart) {
-  const Ended doubtful = home("left_elbow", "left_elbow --at -49");
+  const Ended doubtful = home("left_elbow", "left_elbow --at -49deg");
   EXPECT_EQ(doubtful.exit_code, 1);
   EXPECT_NE(doubtful.output.find("near none of them"), std::string::npos) << doubtful.output;
-  const Ended done = home("left_elbow", "left_elbow --at -70");
+  const Ended done = home("left_elbow", "left_elbow --at -70deg");
   ASSERT_EQ(done.exit_code, 0) << done.output;
   EXPECT_NE(done.output.find("joint left_elbow is at -68.7"), std::string::npos) << done.output;
   const auto [first, log] = start_and_try_to_arm();
@@ -360,9 +367,9 @@ TEST_F(ToolsOfASlide, JogAndHomeAreInMillimetres) {
       "takt joint jog: --speed: 5mm/s is a velocity, not an angular velocity; write it in rad/s or deg/s: turn turns");
   refused({"joint", "home", "finger", "--at", "10deg"},
           "takt joint home: --at: 10deg is an angle, not a length; write it in m or mm: finger slides");
-  refused({"joint", "jog", "finger", "--torque", "90"}, "--torque 90 N exceeds limits.torque 80 N of finger");
+  refused({"joint", "jog", "finger", "--torque", "90N"}, "--torque 90 N exceeds limits.torque 80 N of finger");
   refused({"joint", "home", "finger", "--at", "0.2m"}, "--at: 200.0 mm is outside limits.position 0.0 mm to 100.0 mm");
-  const Ended homed = home("finger", "finger --at 50");
+  const Ended homed = home("finger", "finger --at 50mm");
   ASSERT_EQ(homed.exit_code, 0) << homed.output;
   EXPECT_NE(homed.output.find("joint finger reads 50.00 mm now"), std::string::npos) << homed.output;
   const Ended jog = takt({"joint", "jog", "finger", "--by", "5mm", "--saw", "5mm"});

@@ -15,6 +15,7 @@
 #include "monitor/record/bounded_file.hpp"
 #include "tests/lab/artifact/sample_artifact.hpp"
 #include "tests/lab/artifact/sample_rows.hpp"
+#include "tests/support/files.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace takt::lab {
@@ -237,6 +238,15 @@ TEST_F(ArtifactTest, OneRolloutUnderTwoSeedsIsRefused) {
   for (const evidence::RolloutRow& row : twice) ASSERT_TRUE(writer->append(row));
   ASSERT_TRUE(writer->finish());
   EXPECT_EQ(refusal(), folder + "/rollouts.jsonl: row 2 has the ticks of row 1 (replay_hash): one rollout is no two");
+}
+
+TEST_F(ArtifactTest, AFolderWithFilesOfAnothersKeepsThem) {
+  std::filesystem::create_directories(folder);
+  const std::string notes = folder + "/rollouts.jsonl";
+  std::ofstream(notes) << "mine";
+  EXPECT_EQ(ArtifactWriter::create(folder, manifest, kPanelText).error(),
+            notes + " is there already, and " + folder + " is no artifact; name a new folder");
+  EXPECT_EQ(test::text_of(notes), "mine");
 }
 
 TEST_F(ArtifactTest, RefusesToGoOnWithSomethingElse) {

@@ -147,6 +147,8 @@ const Refusal kRefusals[] = {
     {"scored too long", "scored: 1 s", "scored: 9 s", "is longer than the rollout's `duration`"},
     {"a built-in method with keys of its own", "name: lax", "name: plain",
      "9:13: methods[1].name: is a built-in method's name, which takes no `override` and no `link`"},
+    {"a built-in method with a slip", "{ name: takt }", "{ name: plane }",
+     "methods[0].name: `plane` is no built-in method and overrides nothing; did you mean `plain`?"},
     {"a built-in method with a link", "{ name: takt }", "{ name: timeout, link: repeat_last }",
      "methods[0].name: is a built-in method's name"},
     {"a plant of its own", "key: freshness.max_age, value: 200 ms", "key: simulation.step, value: 100 us",
