@@ -2,6 +2,7 @@
 // takt arm, stop, reset, mark, status: one request to the executive each.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -56,11 +57,17 @@ std::expected<std::string, Refusal> robot_named_in(const std::string& path) {
                                              file.eof() ? "no line begins with `robot: NAME`" : "cannot be read")});
 }
 
+bool runs(const std::string& name) {
+  const std::vector<RunningRobot> robots = running_robots(places_of_this_user());
+  return std::ranges::find(robots, name, &RunningRobot::name) != robots.end();
+}
+
 std::expected<std::string, Refusal> runtime_dir_of(const OperatorOptions& options) {
   if (!options.runtime_dir.empty()) return options.runtime_dir;
   std::string name;
   if (!options.robot_file.empty()) {
-    auto named = robot_named_in(options.robot_file);
+    const bool is_file = access(options.robot_file.c_str(), F_OK) == 0;
+    auto named = is_file || !runs(options.robot_file) ? robot_named_in(options.robot_file) : options.robot_file;
     if (!named) return std::unexpected(named.error());
     name = std::move(*named);
   }
@@ -224,7 +231,7 @@ void add(CLI::App& app, int& exit_code, OperatorVerb verb, const char* word, con
   auto options = std::make_shared<OperatorOptions>();
   CLI::Option_group* where = command->add_option_group("where", "which running robot, where there are several");
   where->add_option("--runtime-dir", options->runtime_dir, "its runtime directory");
-  where->add_option("--robot", options->robot_file, "its robot file: the one of that name");
+  where->add_option("--robot", options->robot_file, "its robot file, or its name");
   if (verb == OperatorVerb::press_stop)  // what a hand types in a hurry
     for (const char* const alias : {"halt", "kill", "disarm"}) command->alias(alias);
   if (verb == OperatorVerb::press_stop)

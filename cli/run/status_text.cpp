@@ -123,7 +123,12 @@ std::string status_text(const StatusSnapshot& status, const IncidentNote& incide
       text += fmt::format("           {} {}\n", status.arrivals[arrival], name(static_cast<Arrival>(arrival)));
   const bool hot = (tick.causes_active >> static_cast<unsigned>(Cause::temperature_high) & 1U) != 0;
   const bool behind = (tick.causes_active >> static_cast<unsigned>(Cause::following_error) & 1U) != 0;
-  text += fmt::format("drives     {}{}{}\n", tick.drives_enabled != 0 ? "enabled" : "disabled",
+  const std::string enabled = status.enabled_drives == 0 ? "disabled"
+                              : status.enabled_drives == status.drive_count
+                                  ? "enabled"
+                                  : fmt::format("{} of {} enabled, the others have no power (takt top says which)",
+                                                status.enabled_drives, status.drive_count);
+  text += fmt::format("drives     {}{}{}\n", enabled,
                       hot ? "; hotter than a warning of limits.temperature (takt top says which)" : "",
                       behind ? "; a joint is behind its reference (takt top says which)" : "");
   text += fmt::format("policy     {}\n", peer_text(status.policy_pids[Seat::policy]));
@@ -172,6 +177,8 @@ nlohmann::json status_json(const StatusSnapshot& status, const IncidentNote& inc
           {"causes_active", active},
           {"incident", incident_json(incident)},
           {"drives_enabled", tick.drives_enabled != 0},
+          {"drive_count", status.drive_count},
+          {"enabled_drives", status.enabled_drives},
           {"player", name(tick.player)},
           {"policy_pid", status.policy_pids[Seat::policy]},
           {"fallback_pid", status.policy_pids[Seat::fallback]},

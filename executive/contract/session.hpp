@@ -152,14 +152,16 @@ struct StatusSnapshot {
   std::uint64_t monitor_pid = 0;         // 0: no monitor attached
   std::uint8_t realtime = 0;             // 1 when the whole real-time set-up succeeded
   std::uint8_t recorder_required = 0;
-  std::uint8_t reserved[6] = {};
+  std::uint8_t drive_count = 0;     // joints that a drive can move
+  std::uint8_t enabled_drives = 0;  // of these, told to be enabled: the others are told to have no power
+  std::uint8_t reserved[4] = {};
 };
 template <std::same_as<StatusSnapshot> Of>
 constexpr auto fields_of(Shared<Of>) {
   return std::array{
-      TAKT_FIELD(tick),        TAKT_FIELD(ticks),       TAKT_FIELD(overruns), TAKT_FIELD(arrivals),
-      TAKT_FIELD(policy_pids), TAKT_FIELD(monitor_pid), TAKT_FIELD(realtime), TAKT_FIELD(recorder_required),
-      TAKT_FIELD(reserved),
+      TAKT_FIELD(tick),        TAKT_FIELD(ticks),          TAKT_FIELD(overruns), TAKT_FIELD(arrivals),
+      TAKT_FIELD(policy_pids), TAKT_FIELD(monitor_pid),    TAKT_FIELD(realtime), TAKT_FIELD(recorder_required),
+      TAKT_FIELD(drive_count), TAKT_FIELD(enabled_drives), TAKT_FIELD(reserved),
   };
 }
 

@@ -204,6 +204,12 @@ StatusSnapshot Reception::status() {
   status.monitor_pid = pid_of(Role::monitor);
   status.realtime = realtime_ ? 1 : 0;
   status.recorder_required = parts_.config.unrecorded_limit != 0 ? 1 : 0;
+  const TickRecord& record = parts_.follower.latest();
+  for (std::size_t joint = 0; joint < record.header.joint_count; ++joint) {
+    if (parts_.config.joints[joint].passive) continue;
+    ++status.drive_count;
+    status.enabled_drives += record.joints[joint].drive_enabled;
+  }
   return status;
 }
 

@@ -34,5 +34,21 @@ TEST(StatusText, AReplyOfAnyBytesIsPrintable) {
   EXPECT_NO_THROW((void)status_json(reply.status, reply.incident).dump()) << "JSON is UTF-8";
 }
 
+// Goal: a robot whose bus is off, so that some of its drives have no power, is not told as enabled.
+TEST(StatusText, DrivesWithoutPowerAreCounted) {
+  StatusSnapshot status;
+  const auto drives = [&](std::uint8_t enabled) {
+    status.drive_count = 6;
+    status.enabled_drives = enabled;
+    const std::string text = status_text(status, {});
+    const std::size_t at = text.find("drives     ");
+    return text.substr(at + 11, text.find('\n', at) - at - 11);
+  };
+  EXPECT_EQ(drives(0), "disabled");
+  EXPECT_EQ(drives(6), "enabled");
+  EXPECT_EQ(drives(3), "3 of 6 enabled, the others have no power (takt top says which)");
+  EXPECT_EQ(status_json(status, {})["enabled_drives"], 3);
+}
+
 }  // namespace
 }  // namespace takt::cli
