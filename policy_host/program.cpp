@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "config/load.hpp"
+#include "config/trouble/kinds.hpp"
 #include "executive/log/program_log.hpp"
 #include "executive/program/program.hpp"
 #include "policy_host/boundary.hpp"
@@ -143,8 +144,8 @@ int run_policy_host(int argc, char** argv, const LoadPolicy& load) {
                  "be a candidate beside the robot's policy: another file for the same observation and action")
       ->excludes("--fallback");
   app.add_option("--fault", options.faults,
-                 "do something wrong, for tests: 'FROM for LENGTH: FAULT', FROM counted from tracking "
-                 "(docs/panels-real-time.md)")
+                 "do something wrong, for tests: 'FROM for LENGTH: FAULT', FROM counted from tracking, FAULT one of " +
+                     trouble::forms(trouble::Place::policy_host) + " (docs/panels-real-time.md)")
       ->allow_extra_args(false);
   app.add_option("--fault-seed", options.fault_seed, "what its chances are drawn from");
   app.footer("Example: " + std::filesystem::path(argv[0]).filename().string() +

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 
 #include "config/checks.hpp"
@@ -29,51 +28,19 @@ constexpr std::array<std::string_view, 6> kErrors{"over_temperature", "over_curr
                                                   "under_voltage",    "encoder",      "overload"};
 
 // By Target.
-constexpr std::array<std::string_view, 4> kTargetKeys{"joint", "bus", "sensor", ""};
+constexpr std::array<std::string_view, 4> kTargetKeys{"joint", "bus", "sensor", "body"};  // the body's is not written
 constexpr std::array<std::string_view, 4> kTargetNouns{"a drive", "a bus", "a sensor", "the robot's body"};
 
-using Targets = std::uint8_t;  // one bit per Target
-constexpr Targets only(Target target) {
-  return static_cast<Targets>(1U << static_cast<unsigned>(target));
+using trouble::Row;
+using trouble::row_of;
+
+std::span<const Row> all_rows() {
+  return trouble::rows(trouble::Place::plant);
 }
-constexpr Targets kJoint = only(Target::joint), kBus = only(Target::bus), kSensor = only(Target::sensor),
-                  kBody = only(Target::body);
 
-struct Word {
-  FaultKind kind;
-  std::string_view name;
-  Targets strikes;
-  bool has_own_key;  // it needs a value: `delay: 3 ms` instead of `fault: delay`
-  bool has_length;
-};
-constexpr std::array kWords{
-    Word{FaultKind::error, "error", kJoint, true, false},
-    Word{FaultKind::power_cycle, "power_cycle", kJoint, false, true},
-    Word{FaultKind::silent, "silent", kJoint, false, true},
-    Word{FaultKind::deaf, "deaf", kJoint, false, true},
-    Word{FaultKind::repeat, "repeat", kJoint, false, true},
-    Word{FaultKind::delay, "delay", kJoint, true, true},
-    Word{FaultKind::drop, "drop", kJoint | kBus | kSensor, true, true},
-    Word{FaultKind::foreign_commands, "foreign_commands", kJoint, false, true},
-    Word{FaultKind::error_passive, "error_passive", kBus, false, true},
-    Word{FaultKind::bus_off, "bus_off", kBus, false, true},
-    Word{FaultKind::down, "down", kBus, false, false},
-    Word{FaultKind::babble, "babble", kBus, false, true},
-    Word{FaultKind::frozen_position, "frozen_position", kJoint, false, true},
-    Word{FaultKind::reversed, "reversed", kJoint, false, true},
-    Word{FaultKind::wrap, "wrap", kJoint, false, true},
-    Word{FaultKind::jump, "jump", kJoint, true, true},
-    Word{FaultKind::scale, "scale", kJoint, true, true},
-    Word{FaultKind::freeze, "freeze", kJoint | kSensor, false, true},
-    Word{FaultKind::burst, "burst", kSensor, true, true},
-    Word{FaultKind::lies, "lies", kSensor, true, true},
-    Word{FaultKind::push, "push", kBody, true, true},
-    Word{FaultKind::payload, "payload", kBody, true, true},
-    Word{FaultKind::friction, "friction", kBody, true, true},
-};
-
-const Word& word_of(FaultKind kind) {
-  return kWords[static_cast<std::size_t>(kind)];
+// It needs a value: `delay: 3 ms` instead of `fault: delay`.
+bool has_own_key(const Row& row) {
+  return row.kind == static_cast<std::uint8_t>(FaultKind::error) || !row.dose.unit.empty();
 }
 
 std::string_view key_of(Target target) {
@@ -89,35 +56,25 @@ std::size_t index_in(const std::vector<Item>& items, std::string Item::*name_of,
   return static_cast<std::size_t>(std::ranges::find(items, name, name_of) - items.begin());
 }
 
-std::vector<std::string_view> plain_words() {
-  std::vector<std::string_view> words;
-  for (const Word& word : kWords)
-    if (!word.has_own_key) words.push_back(word.name);
-  return words;
+// Those of `fault: NAME`, or those that are keys themselves.
+std::vector<std::string_view> names_of(bool with_own_key) {
+  std::vector<std::string_view> names;
+  for (const Row& row : all_rows())
+    if (has_own_key(row) == with_own_key) names.push_back(row.name);
+  return names;
 }
 
 // An event as written: what is absent is empty or zero.
 struct Written {
-  Duration at, lasts, delay, burst;
+  Duration at, lasts;
   std::string after, joint, bus, sensor, body, fault, error;
-  double drop = 0, lies = 0, jump = 0, scale = 0, push = 0, payload = 0, friction = 0;
+  std::vector<double> doses = std::vector<double>(all_rows().size());  // by kind
   config::Vector3 along{};
 };
 
 struct Names {
   std::vector<std::string_view> joints, buses, sensors;
 };
-
-void describe_body(config::Fields& fields, Written& event) {
-  fields.quantity({"push", "force at the tool", "none", true}, event.push, config::Dimension::force,
-                  config::above(0, 10'000));
-  fields.vector3({"along", "direction of the push, base frame", "none", true}, event.along, config::Dimension::none);
-  fields.quantity({"payload", "point mass at the tool", "none", true}, event.payload, config::Dimension::mass,
-                  config::above(0, 1000));
-  fields.text({"body", "which body of the model is pushed or laden", "the tool, or the root", true}, event.body);
-  fields.quantity({"friction", "factor on the joints' friction", "none", true}, event.friction, config::Dimension::none,
-                  config::above(0, 1000));
-}
 
 void describe_event(config::Fields& fields, Written& event, const Names& names) {
   fields.duration({"at", "when it begins"}, event.at, {}, kLongestRun);
@@ -128,21 +85,15 @@ void describe_event(config::Fields& fields, Written& event, const Names& names) 
   fields.one_of({"joint", "whose drive", "none", true}, event.joint, names.joints, "joint");
   fields.one_of({"bus", "which bus", "none", true}, event.bus, names.buses, "bus");
   fields.one_of({"sensor", "which sensor", "none", true}, event.sensor, names.sensors, "sensor");
-  const std::vector<std::string_view> words = plain_words();
-  fields.one_of({"fault", "what goes wrong", "none", true}, event.fault, words, "fault");
+  const std::vector<std::string_view> plain = names_of(false);
+  fields.one_of({"fault", "what goes wrong", "none", true}, event.fault, plain, "fault");
   fields.one_of({"error", "what the drive reports", "none", true}, event.error, kErrors, "error");
-  fields.duration({"delay", "answers arrive this much later", "none", true}, event.delay, microseconds(1), seconds(1));
-  fields.quantity({"drop", "share of frames or samples lost", "none", true}, event.drop, config::Dimension::none,
-                  config::above(0, 1));
-  fields.duration({"burst", "samples are held back and delivered together, this often", "none", true}, event.burst,
-                  milliseconds(1), seconds(10));
-  fields.quantity({"lies", "share of samples that say the opposite", "none", true}, event.lies, config::Dimension::none,
-                  config::above(0, 1));
-  fields.quantity({"jump", "the position that the drive says is off by this", "none", true}, event.jump,
-                  config::Dimension::angle, config::between(-100, 100));
-  fields.quantity({"scale", "the position that the drive says goes this many times as far", "none", true}, event.scale,
-                  config::Dimension::none, config::above(0, 100));
-  describe_body(fields, event);
+  for (const Row& row : all_rows())
+    if (!row.dose.unit.empty())
+      fields.quantity({row.name, row.effect, "none", true}, event.doses[row.kind], row.dose.dimension(),
+                      row.dose.range());
+  fields.vector3({"along", "direction of the push, base frame", "none", true}, event.along, config::Dimension::none);
+  fields.text({"body", "which body of the model is pushed or laden", "the tool, or the root", true}, event.body);
 }
 
 // Checks what no single key knows and translates.
@@ -157,9 +108,7 @@ class Translator {
     event.after_enabled = written.after == kAnchors[1];
     if (written.lasts.ns > 0) event.lasts = written.lasts;
     if (!find_kind(written, event) || !find_target(written, event)) return event;
-    event.delay = event.kind == FaultKind::burst ? written.burst : written.delay;
-    event.share = written.drop + written.lies;                                                        // one of them
-    event.amount = written.jump + written.scale + written.push + written.payload + written.friction;  // one of them
+    event.dose = written.doses[static_cast<std::size_t>(event.kind)];
     check_length(event);
     check_drive(event);
     check_body(written, event);
@@ -171,22 +120,15 @@ class Translator {
     checker_.require(holds, key.empty() ? path_ : path_ + "." + key, sentence);
     return holds;
   }
+  static bool event_has(const Written& written, const Row& row) {
+    return written.doses[row.kind] != 0 || (row.as<FaultKind>() == FaultKind::error && !written.error.empty());
+  }
   bool find_kind(const Written& written, FaultEvent& event) {
     std::vector<FaultKind> kinds;
-    if (!written.fault.empty()) kinds.push_back(std::ranges::find(kWords, written.fault, &Word::name)->kind);
-    if (!written.error.empty()) kinds.push_back(FaultKind::error);
-    if (written.delay.ns > 0) kinds.push_back(FaultKind::delay);
-    if (written.drop > 0) kinds.push_back(FaultKind::drop);
-    if (written.burst.ns > 0) kinds.push_back(FaultKind::burst);
-    if (written.lies > 0) kinds.push_back(FaultKind::lies);
-    if (written.jump != 0) kinds.push_back(FaultKind::jump);
-    if (written.scale > 0) kinds.push_back(FaultKind::scale);
-    if (written.push > 0) kinds.push_back(FaultKind::push);
-    if (written.payload > 0) kinds.push_back(FaultKind::payload);
-    if (written.friction > 0) kinds.push_back(FaultKind::friction);
-    if (!require(
-            !kinds.empty(), "",
-            "has no fault; write one of: fault, error, delay, drop, burst, lies, jump, scale, push, payload, friction"))
+    for (const Row& row : all_rows())
+      if (row.name == written.fault || event_has(written, row)) kinds.push_back(row.as<FaultKind>());
+    if (!require(!kinds.empty(), "",
+                 fmt::format("has no fault; write one of: fault, {}", fmt::join(names_of(true), ", "))))
       return false;
     event.kind = kinds.front();
     if (event.kind == FaultKind::error) {
@@ -215,20 +157,19 @@ class Translator {
     return true;
   }
   bool fits_target(const FaultEvent& event) {
-    const Word& word = word_of(event.kind);
-    if ((word.strikes & only(event.strikes)) != 0) return true;
+    const Row& row = row_of(event.kind);
+    if (std::ranges::find(row.strikes.words, key_of(event.strikes)) != row.strikes.words.end()) return true;
     if (event.strikes == Target::body)
       return require(false, "", "strikes nothing; write `joint: NAME`, `bus: NAME` or `sensor: NAME`");
-    const std::string key(word.has_own_key ? word.name : "fault");
-    const auto wanted = static_cast<Target>(std::countr_zero(word.strikes));
-    const std::string mend = wanted == Target::body ? fmt::format("leave `{}` out", key_of(event.strikes))
-                                                    : fmt::format("write `{}: NAME`", key_of(wanted));
+    const std::string_view wanted = row.strikes.words.front();
+    const std::string cure = wanted == key_of(Target::body) ? fmt::format("leave `{}` out", key_of(event.strikes))
+                                                            : fmt::format("write `{}: NAME`", wanted);
     return require(
-        false, key,
-        fmt::format("`{}` strikes {}, not {}; {}", word.name, noun_of(wanted), noun_of(event.strikes), mend));
+        false, std::string(has_own_key(row) ? row.name : "fault"),
+        fmt::format("`{}` strikes {}, not {}; {}", row.name, row.strikes.told, noun_of(event.strikes), cure));
   }
   void check_length(const FaultEvent& event) {
-    require(!event.lasts || word_of(event.kind).has_length, "for",
+    require(!event.lasts || row_of(event.kind).longest.ns > 0, "for",
             event.kind == FaultKind::error ? "a drive keeps its error until the host clears it; leave `for` out"
                                            : "a bus that is down stays down; leave `for` out");
   }
@@ -245,7 +186,7 @@ class Translator {
     const bool has_body =
         robot_.model || (robot_.simulation && (robot_.simulation->cart_pole || robot_.simulation->mujoco));
     require(event.strikes != Target::body || has_body, "",
-            fmt::format("`{}` strikes the robot's body, and devices on flywheels have none", word_of(event.kind).name));
+            fmt::format("`{}` strikes the robot's body, and devices on flywheels have none", row_of(event.kind).name));
   }
   void check_drive(const FaultEvent& event) {
     if (event.strikes != Target::joint) return;
@@ -306,17 +247,17 @@ std::expected<Scenario, std::string> load_scenario(const std::string& path, cons
 }
 
 std::string text_of(const FaultEvent& event) {
-  std::string text(word_of(event.kind).name);
+  const Row& row = row_of(event.kind);
+  std::string text(row.name);
   if (event.kind == FaultKind::error) text = kErrors[static_cast<std::size_t>(event.error)];
-  if (event.kind == FaultKind::delay) text += " of " + config::format_duration(event.delay);
-  if (event.kind == FaultKind::burst) text += " of " + config::format_duration(event.delay);
-  if (event.kind == FaultKind::jump) text += fmt::format(" of {:g} rad", event.amount);
-  if (event.kind == FaultKind::scale) text += fmt::format(" times {:g}", event.amount);
-  if (event.kind == FaultKind::push) text += fmt::format(" of {:g} N", event.amount);
-  if (event.kind == FaultKind::payload) text += fmt::format(" of {:g} kg", event.amount);
-  if (event.kind == FaultKind::friction) text += fmt::format(" times {:g}", event.amount);
-  if (event.kind == FaultKind::drop || event.kind == FaultKind::lies)
-    text += fmt::format(" of {:.3g} %", 100 * event.share);
+  if (row.dose.unit == "ms")
+    text += " of " + config::format_duration({std::llround(event.dose)});
+  else if (row.dose.unit == "share")
+    text += fmt::format(" of {:.3g} %", 100 * event.dose);
+  else if (row.dose.unit == "factor")
+    text += fmt::format(" times {:g}", event.dose);
+  else if (!row.dose.unit.empty())
+    text += fmt::format(" of {:g} {}", event.dose, row.dose.unit);
   if (event.lasts) text += " for " + config::format_duration(*event.lasts);
   return text;
 }

@@ -4,25 +4,30 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 #include <utility>
 
 namespace takt::simulation {
 namespace {
 
+Duration time_of(const FaultEvent& event) {
+  return {std::llround(event.dose)};
+}
+
 void add_to_line(const FaultEvent& event, LineFaults& line) {
   line.deaf |= event.kind == FaultKind::deaf;
   line.silent |= event.kind == FaultKind::silent;
   line.repeat |= event.kind == FaultKind::repeat;
-  if (event.kind == FaultKind::delay) line.delay = std::max(line.delay, event.delay);
-  if (event.kind == FaultKind::drop) line.drop = std::max(line.drop, event.share);
+  if (event.kind == FaultKind::delay) line.delay = std::max(line.delay, time_of(event));
+  if (event.kind == FaultKind::drop) line.drop = std::max(line.drop, event.dose);
   FeedbackFaults& feedback = line.feedback;
   feedback.freeze |= event.kind == FaultKind::freeze;
   feedback.frozen_position |= event.kind == FaultKind::frozen_position;
   feedback.reversed |= event.kind == FaultKind::reversed;
   if (event.kind == FaultKind::wrap) feedback.offset += 2 * std::numbers::pi;
-  if (event.kind == FaultKind::jump) feedback.offset += event.amount;
-  if (event.kind == FaultKind::scale) feedback.scale *= event.amount;
+  if (event.kind == FaultKind::jump) feedback.offset += event.dose;
+  if (event.kind == FaultKind::scale) feedback.scale *= event.dose;
 }
 
 void add_to_bus(const FaultEvent& event, BusFaults& bus) {
@@ -30,27 +35,27 @@ void add_to_bus(const FaultEvent& event, BusFaults& bus) {
   if (event.kind == FaultKind::bus_off) bus.state = std::max(bus.state, BusState::bus_off);
   if (event.kind == FaultKind::down) bus.state = BusState::down;
   bus.babble |= event.kind == FaultKind::babble;
-  if (event.kind == FaultKind::drop) bus.drop = std::max(bus.drop, event.share);
+  if (event.kind == FaultKind::drop) bus.drop = std::max(bus.drop, event.dose);
 }
 
 void add_to_sensor(const FaultEvent& event, MonoTime began, SensorFaults& sensor) {
-  if (event.kind == FaultKind::drop) sensor.drop = std::max(sensor.drop, event.share);
-  if (event.kind == FaultKind::lies) sensor.lies = std::max(sensor.lies, event.share);
+  if (event.kind == FaultKind::drop) sensor.drop = std::max(sensor.drop, event.dose);
+  if (event.kind == FaultKind::lies) sensor.lies = std::max(sensor.lies, event.dose);
   sensor.frozen |= event.kind == FaultKind::freeze;
-  if (event.kind != FaultKind::burst || event.delay < sensor.burst) return;
-  sensor.burst = event.delay;
+  if (event.kind != FaultKind::burst || time_of(event) < sensor.burst) return;
+  sensor.burst = time_of(event);
   sensor.burst_since = began;
 }
 
 void add_to_body(const FaultEvent& event, BodyTrouble& body) {
   if (event.kind == FaultKind::payload) {
-    body.payload = event.amount;
+    body.payload = event.dose;
     body.loaded = event.body;
   }
-  if (event.kind == FaultKind::friction) body.friction *= event.amount;
+  if (event.kind == FaultKind::friction) body.friction *= event.dose;
   if (event.kind != FaultKind::push) return;
   body.towards = event.along;
-  body.force = event.amount;
+  body.force = event.dose;
   body.pushed = event.body;
 }
 

@@ -21,6 +21,7 @@
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "config/printable.hpp"
+#include "config/trouble/kinds.hpp"
 #include "executive/ipc/rendezvous.hpp"
 #include "monitor/record/run_folder.hpp"
 #include "simulation/scenario.hpp"
@@ -28,18 +29,19 @@
 namespace takt::cli {
 namespace {
 
-constexpr const char* kFooter =
-    "Example: takt run config/arm6.yaml --arm --duration 20s --at '8s: freeze policy 300ms' --at '15s: kill policy'\n"
-    "Actions of --at: freeze PROCESS DURATION, kill PROCESS, start PROCESS, arm, stop, reset, hog control|policy "
-    "DURATION,\nthrottle control DURATION, crowd policy N DURATION, load N DURATION COMMAND; PROCESS: policy, monitor, "
-    "fallback, plant, executive (the run ends with it).\n"
-    "The run ends after --duration, on SIGINT or SIGTERM, or once the robot rests after a scripted stop or kill of the "
-    "policy.\n"
-    "Exit codes: 0 ended as asked, 1 arming refused, a process failed, or what was scripted never happened, 2 ended "
-    "in\n"
-    "a stop or fault that was not asked for: the last line says which; 64 command line, 65 configuration,\n"
-    "69 a process or bus is missing or the executive answers nothing, 70 bug, 71 set-up refused (real time, "
-    "permissions).";
+std::string footer() {
+  return fmt::format(
+      "Example: takt run config/arm6.yaml --arm --duration 20s --at '8s: freeze policy 300ms' --at '15s: kill policy'\n"
+      "Actions of --at: {}.\n"
+      "PROCESS: {} (the run ends with the executive).\n"
+      "The run ends after --duration, on SIGINT or SIGTERM, or once the robot rests after a scripted stop or kill of "
+      "the policy.\n"
+      "Exit codes: 0 ended as asked, 1 arming refused, a process failed, or what was scripted never happened, 2 ended "
+      "in\na stop or fault that was not asked for: the last line says which; 64 command line, 65 configuration,\n"
+      "69 a process or bus is missing or the executive answers nothing, 70 bug, 71 set-up refused (real time, "
+      "permissions).",
+      trouble::forms(trouble::Place::run), fmt::join(trouble::row_of(ActionKind::kill).strikes.words, ", "));
+}
 
 struct Given {
   std::string robot_file, runtime_dir, run_dir, duration, rearm_after, policy_host;
@@ -246,7 +248,7 @@ void add_run(CLI::App& app, int& exit_code) {
   command->add_flag("--restart", given->restart, "restart a policy host, monitor or sensor's program that died");
   command->add_flag("--allow-non-realtime", given->allow_non_realtime,
                     "run even without real-time guarantees; a simulated robot does anyway");
-  command->footer(kFooter);
+  command->footer(footer());
   command->callback([given, &exit_code] { exit_code = run(*given); });
 }
 

@@ -1,12 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `takt run --at 'T: ACTION'` makes happen, T after tracking began. Actions: `freeze PROCESS DURATION` (SIGSTOP,
-// then SIGCONT), `kill PROCESS` (SIGKILL), `start PROCESS` (one that died), `arm`, `stop`, `reset`; processes: policy,
-// monitor, plant, executive. Contention for processors (cpu_hog.hpp): `hog control DURATION` occupies the control
-// thread's core above its priority; `hog policy DURATION` every core below the control thread's priority and above the
-// policy host's; `throttle control DURATION` uses up the real-time budget of the control thread's core from below it;
-// `crowd policy N DURATION` puts N ordinary processes, as nice as the policy host, on every core;
-// `load N DURATION COMMAND` runs a command of the user's N times at once, for a device that only it knows. And what the
-// policy host does wrong by its option --fault, at the same clock.
+// What `takt run --at 'T: ACTION'` makes happen, T after tracking began: lines of config/trouble/line.hpp, actions of
+// config/trouble/kinds.hpp. And what the policy host does wrong by its option --fault, at the same clock.
 #pragma once
 
 #include <cstdint>
@@ -15,25 +9,12 @@
 #include <string_view>
 #include <vector>
 
+#include "config/trouble/kinds.hpp"
 #include "executive/contract/mono_time.hpp"
 
 namespace takt::cli {
 
-enum class ActionKind : std::uint8_t {
-  freeze,
-  thaw,
-  kill,
-  start,
-  hog,
-  throttle,
-  crowd,
-  load,
-  unload,
-  arm,
-  stop,
-  reset,
-  fault  // the policy host does it to itself, told so by its command line (policy_host/host_faults.hpp)
-};
+using trouble::ActionKind;
 std::string_view name(ActionKind action);
 // fallback: the host of the fallback policy.
 enum class ProcessName : std::uint8_t { plant, executive, monitor, policy, fallback };

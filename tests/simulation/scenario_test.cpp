@@ -50,11 +50,11 @@ TEST(Scenario, EveryKeyIsRead) {
   EXPECT_EQ(scenario->events[13].kind, FaultKind::reversed);
   EXPECT_EQ(scenario->events[14].kind, FaultKind::wrap);
   EXPECT_EQ(scenario->events[15].kind, FaultKind::jump);
-  EXPECT_EQ(scenario->events[15].amount, -0.3);
+  EXPECT_EQ(scenario->events[15].dose, -0.3);
   EXPECT_EQ(scenario->events[16].kind, FaultKind::scale);
-  EXPECT_EQ(scenario->events[16].amount, 2);
+  EXPECT_EQ(scenario->events[16].dose, 2);
   EXPECT_EQ(scenario->events[10].kind, FaultKind::lies);
-  EXPECT_EQ(scenario->events[10].share, 0.5);
+  EXPECT_EQ(scenario->events[10].dose, 0.5);
   EXPECT_EQ(scenario->events[9].body, "forearm");
   const FaultEvent& silent = scenario->events[0];
   EXPECT_EQ(silent.at, seconds(2));
@@ -69,24 +69,24 @@ TEST(Scenario, EveryKeyIsRead) {
   EXPECT_EQ(overload.kind, FaultKind::error);
   EXPECT_EQ(overload.error, DeviceFault::overload);
   EXPECT_EQ(scenario->events[2].kind, FaultKind::delay);
-  EXPECT_EQ(scenario->events[2].delay, milliseconds(3));
+  EXPECT_EQ(scenario->events[2].dose, 3e6);
   EXPECT_EQ(scenario->events[3].strikes, Target::bus);
   EXPECT_EQ(scenario->events[3].target, 1U);
-  EXPECT_EQ(scenario->events[3].share, 0.25);
+  EXPECT_EQ(scenario->events[3].dose, 0.25);
   EXPECT_EQ(scenario->events[4].kind, FaultKind::down);
   const FaultEvent& burst = scenario->events[5];
   EXPECT_EQ(burst.strikes, Target::sensor);
   EXPECT_EQ(burst.kind, FaultKind::burst);
-  EXPECT_EQ(burst.delay, milliseconds(120));
+  EXPECT_EQ(burst.dose, 120e6);
   const FaultEvent& push = scenario->events[6];
   EXPECT_EQ(push.strikes, Target::body);
   EXPECT_EQ(push.kind, FaultKind::push);
-  EXPECT_EQ(push.amount, 30);
+  EXPECT_EQ(push.dose, 30);
   EXPECT_EQ(push.along, (config::Vector3{0, 0.6, 0.8})) << "a direction";
   EXPECT_EQ(scenario->events[7].kind, FaultKind::payload);
-  EXPECT_EQ(scenario->events[7].amount, 1.5);
+  EXPECT_EQ(scenario->events[7].dose, 1.5);
   EXPECT_EQ(scenario->events[8].kind, FaultKind::friction);
-  EXPECT_EQ(scenario->events[8].amount, 4);
+  EXPECT_EQ(scenario->events[8].dose, 4);
 }
 
 TEST(Scenario, TextSaysWhatHappens) {
@@ -145,7 +145,7 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"two targets", "{ at: 2 s, joint: elbow, bus: can0, drop: 0.1 }",
                 "s:3:35: events[0].bus: the event names a joint already; keep one of the two"},
         Refusal{"no fault", "{ at: 2 s, joint: elbow }",
-                "s:3:5: events[0]: has no fault; write one of: fault, error, delay, drop, burst, lies, jump, scale, "
+                "s:3:5: events[0]: has no fault; write one of: fault, error, delay, drop, jump, scale, burst, lies, "
                 "push, payload, friction"},
         Refusal{"two faults", "{ at: 2 s, joint: elbow, fault: repeat, drop: 0.1 }",
                 "s:3:5: events[0]: has 2 faults at once; write an event for each"},

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Goal: --at lines mean what they say or are refused with the grammar. Method: tables.
+// Goal: --at lines become the events that they say, in order, or are refused. Method: tables; what a line may say is in
+// tests/config/trouble/line_test.cpp.
 #include "cli/run/scenario.hpp"
 
 #include <gtest/gtest.h>
+
+#include "cli/run/cpu_hog.hpp"
 
 namespace takt::cli {
 namespace {
@@ -53,6 +56,8 @@ TEST(Scenario, ContentionNamesWhomItDisturbsAndEnds) {
        {"1s: hog control 2s", "1s: hog monitor 8ms", "1s: hog control", "1s: crowd policy 2s", "1s: crowd policy 0 2s",
         "1s: crowd control 2 2s", "1s: start camera", "1s: throttle policy 2s", "1s: throttle control 61s"})
     EXPECT_FALSE(parse_scenario({line}).has_value()) << line;
+  EXPECT_EQ(trouble::row_of(ActionKind::hog).longest, kLongestFifoHog) << "what the hog itself refuses";
+  EXPECT_EQ(trouble::row_of(ActionKind::throttle).longest, kLongestLowestFifoHog);
 }
 
 TEST(Scenario, ALoadIsTheUsersOwnCommandAndEnds) {

@@ -114,7 +114,7 @@ TEST_F(RealPerturbation, ThePushIsTheOneOfVirtualTime) {
   for (std::size_t i = 0; i < 2; ++i) {
     const simulation::FaultEvent& event = scenario->events[i];
     EXPECT_EQ(event.at, seconds(3) + evidence::kRepeat * static_cast<std::int64_t>(i));
-    EXPECT_EQ(event.amount, 30);
+    EXPECT_EQ(event.dose, 30);
     const config::Vector3 drawn = evidence::push_direction(7, static_cast<std::int64_t>(i) + 1);
     for (std::size_t axis = 0; axis < 3; ++axis) EXPECT_NEAR(event.along[axis], drawn[axis], 1e-12);
   }
