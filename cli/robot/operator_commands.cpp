@@ -26,6 +26,7 @@
 namespace takt::cli {
 namespace {
 
+constexpr const char* kReplySchema = "takt.reply/1";
 constexpr auto kOperatorAnswersWithin = std::chrono::milliseconds(2000);
 
 struct OperatorOptions {
@@ -80,7 +81,8 @@ std::expected<std::string, Refusal> runtime_dir_of(const OperatorOptions& option
 int refuse_request(const Refusal& refusal, bool json, const std::string& sentence = {}) {
   if (json)
     fmt::print("{}\n",
-               json_line(nlohmann::json{{"done", false}, {"sentences", {refusal.sentence}}, {"status", nullptr}}));
+               json_line(nlohmann::json{
+                   {"schema", kReplySchema}, {"done", false}, {"sentences", {refusal.sentence}}, {"status", nullptr}}));
   else
     fmt::print(stderr, "{}\n", sentence.empty() ? refusal.sentence : sentence);
   return refusal.exit_code;
@@ -115,8 +117,10 @@ void print_reply(OperatorVerb verb, const OperatorReply& reply, const OperatorOp
                  const std::string& directory) {
   const auto sentences = sentences_of(reply);
   if (options.json) {
-    nlohmann::json json{
-        {"done", reply.done != 0}, {"sentences", sentences}, {"status", status_json(reply.status, reply.incident)}};
+    nlohmann::json json{{"schema", kReplySchema},
+                        {"done", reply.done != 0},
+                        {"sentences", sentences},
+                        {"status", status_json(reply.status, reply.incident)}};
     if (verb == OperatorVerb::status) json["runs"] = what_runs_json(what_runs_in(directory));
     fmt::print("{}\n", json_line(json));
     return;
@@ -182,7 +186,7 @@ int stop_all(OperatorVerb asked, bool json) {
     else
       fmt::print(exit_code_of(one) == kExitOk ? stdout : stderr, "{}: {}\n", one.robot.name, text_of(verb, one));
   }
-  if (json) fmt::print("{}\n", json_line(nlohmann::json{{"robots", robots}}));
+  if (json) fmt::print("{}\n", json_line(nlohmann::json{{"schema", "takt.replies/1"}, {"robots", robots}}));
   return exit_code;
 }
 

@@ -7,13 +7,14 @@
 #include <nlohmann/json.hpp>
 
 #include "config/printable.hpp"
+#include "monitor/record/facts_json.hpp"
 
 namespace takt::cli {
 namespace {
 
-std::string age_text(const TickRecordHeader& tick) {
-  if (tick.seats[Seat::policy].freshness == Freshness::missing) return "none";
-  return fmt::format("{:.1f} ms", tick.age.total().milliseconds());
+std::string age_text(const SeatRecord& seat) {
+  const auto age = age_of(seat);
+  return age ? fmt::format("{:.1f} ms", age->milliseconds()) : "none";
 }
 
 std::string recording_text(const StatusSnapshot& status) {
@@ -48,7 +49,7 @@ nlohmann::json candidate_json(const TickRecordHeader& tick) {
           {"on_probation", candidate.on_probation != 0},
           {"is_asked", candidate.is_asked != 0},
           {"freshness", name(seat.freshness)},
-          {"age_ns", seat.age.ns},
+          {"age_ns", monitor::in_ns(age_of(seat))},
           {"distance_rad", candidate.distance},
           {"last_refusal", name(seat.last_refusal)},
           {"beyond_range", candidate.beyond_range},
@@ -74,14 +75,6 @@ std::uint64_t overruns_of(const StatusSnapshot& status) {
   return sum;
 }
 
-std::uint64_t refused_of(const StatusSnapshot& status) {
-  std::uint64_t sum = 0;
-  for (std::size_t arrival = 0; arrival < kArrivalCount; ++arrival)
-    if (arrival != static_cast<std::size_t>(Arrival::none) && arrival != static_cast<std::size_t>(Arrival::accepted))
-      sum += status.arrivals[arrival];
-  return sum;
-}
-
 // "pid 12 (0123456789abcdef), beside the policy: fresh, age 12.3 ms, differs by 0.0312 rad".
 std::string candidate_text(const StatusSnapshot& status) {
   const CandidateRecord& candidate = status.tick.candidate;
@@ -92,9 +85,8 @@ std::string candidate_text(const StatusSnapshot& status) {
   const std::string where = !plays ? "beside the policy"
                                    : fmt::format("IN CHARGE{}; beside it the robot's own",
                                                  candidate.on_probation != 0 ? ", on probation" : "");
-  return fmt::format("{}, {}: command {}, age {:.1f} ms, differs by {:.4f} rad{}", who, where, name(seat.freshness),
-                     seat.age.milliseconds(), candidate.distance,
-                     candidate.is_asked != 0 ? "; a change is asked for" : "");
+  return fmt::format("{}, {}: command {}, age {}, differs by {:.4f} rad{}", who, where, name(seat.freshness),
+                     age_text(seat), candidate.distance, candidate.is_asked != 0 ? "; a change is asked for" : "");
 }
 
 std::string incident_sentence(const IncidentNote& incident) {
@@ -108,7 +100,8 @@ std::string status_text(const StatusSnapshot& status, const IncidentNote& incide
   if (incident.tick != 0)
     text +=
         fmt::format("incident   {}{}\n", incident.stands != 0 ? "" : "none now; the last: ", said(incident.sentence));
-  text += fmt::format("command    {}, age {}\n", name(tick.seats[Seat::policy].freshness), age_text(tick));
+  text += fmt::format("command    {}, age {}\n", name(tick.seats[Seat::policy].freshness),
+                      age_text(tick.seats[Seat::policy]));
   text += fmt::format("misses     {} of the last {} ticks\n", tick.window_misses, tick.window_ticks);
   text += fmt::format("ticks      {}, {} overruns, {} periods skipped\n", status.ticks, overruns_of(status),
                       tick.skipped_periods);
@@ -116,7 +109,7 @@ std::string status_text(const StatusSnapshot& status, const IncidentNote& incide
     if (status.overruns[cause] != 0)
       text += fmt::format("           {} {}\n", status.overruns[cause], name(static_cast<OverrunCause>(cause)));
   text += fmt::format("messages   {} accepted, {} refused, {} integration errors\n",
-                      status.arrivals[static_cast<std::size_t>(Arrival::accepted)], refused_of(status),
+                      status.arrivals[static_cast<std::size_t>(Arrival::accepted)], tick.refused_commands,
                       tick.integration_errors);
   for (std::size_t arrival = 2; arrival < kArrivalCount; ++arrival)
     if (status.arrivals[arrival] != 0)
@@ -133,8 +126,8 @@ std::string status_text(const StatusSnapshot& status, const IncidentNote& incide
                       behind ? "; a joint is behind its reference (takt top says which)" : "");
   text += fmt::format("policy     {}\n", peer_text(status.policy_pids[Seat::policy]));
   if (status.policy_pids[Seat::fallback] != 0 || tick.seats[Seat::fallback].freshness != Freshness::missing)
-    text += fmt::format("fallback   {}, command {}, age {:.1f} ms\n", peer_text(status.policy_pids[Seat::fallback]),
-                        name(tick.seats[Seat::fallback].freshness), tick.seats[Seat::fallback].age.milliseconds());
+    text += fmt::format("fallback   {}, command {}, age {}\n", peer_text(status.policy_pids[Seat::fallback]),
+                        name(tick.seats[Seat::fallback].freshness), age_text(tick.seats[Seat::fallback]));
   if (tick.candidate.policy_hash != 0) text += fmt::format("candidate  {}\n", candidate_text(status));
   text += fmt::format("monitor    {}, {}\n", peer_text(status.monitor_pid), recording_text(status));
   text += fmt::format("real time  {}\n", status.realtime != 0 ? "yes" : "no (--allow-non-realtime)");
@@ -147,50 +140,27 @@ std::string status_line(const StatusSnapshot& status, Duration max_age) {
   const std::string_view mode = tick.player != Player::fallback  ? name(tick.mode)
                                 : tick.mode == Mode::damped_stop ? "stop/fallback"
                                                                  : "fallback";
-  return fmt::format("{:<13} age {:>9}{}  {:<7}  misses {}/{}  overruns {}{}", mode, age_text(tick), limit,
-                     name(tick.seats[Seat::policy].freshness), tick.window_misses, tick.window_ticks,
+  return fmt::format("{:<13} age {:>9}{}  {:<7}  misses {}/{}  overruns {}{}", mode, age_text(tick.seats[Seat::policy]),
+                     limit, name(tick.seats[Seat::policy].freshness), tick.window_misses, tick.window_ticks,
                      overruns_of(status), status.realtime != 0 ? "" : "  (not real time)");
 }
 
 nlohmann::json status_json(const StatusSnapshot& status, const IncidentNote& incident) {
   const TickRecordHeader& tick = status.tick;
-  nlohmann::json overruns;
-  for (std::size_t cause = 1; cause < kOverrunCauseCount; ++cause)
-    overruns[std::string(name(static_cast<OverrunCause>(cause)))] = status.overruns[cause];
-  nlohmann::json arrivals;
-  for (std::size_t arrival = 1; arrival < kArrivalCount; ++arrival)
-    arrivals[std::string(name(static_cast<Arrival>(arrival)))] = status.arrivals[arrival];
-  nlohmann::json active = nlohmann::json::array();
-  for (std::size_t cause = 1; cause < kCauseCount; ++cause)
-    if ((tick.causes_active >> cause & 1U) != 0) active.push_back(name(static_cast<Cause>(cause)));
-  const bool has_age = tick.seats[Seat::policy].freshness != Freshness::missing;
-  return {{"mode", name(tick.mode)},
-          {"freshness", name(tick.seats[Seat::policy].freshness)},
-          {"age_ns", has_age ? nlohmann::json(tick.age.total().ns) : nlohmann::json()},
-          {"window_misses", tick.window_misses},
-          {"window_ticks", tick.window_ticks},
-          {"ticks", status.ticks},
-          {"skipped_periods", tick.skipped_periods},
-          {"overruns", overruns},
-          {"arrivals", arrivals},
-          {"integration_errors", tick.integration_errors},
-          {"causes_active", active},
-          {"incident", incident_json(incident)},
-          {"drives_enabled", tick.drives_enabled != 0},
-          {"drive_count", status.drive_count},
-          {"enabled_drives", status.enabled_drives},
-          {"player", name(tick.player)},
-          {"policy_pid", status.policy_pids[Seat::policy]},
-          {"fallback_pid", status.policy_pids[Seat::fallback]},
-          {"fallback_freshness", name(tick.seats[Seat::fallback].freshness)},
-          {"fallback_age_ns", tick.seats[Seat::fallback].age.ns},
-          {"candidate_pid", status.policy_pids[Seat::candidate]},
-          {"candidate", candidate_json(tick)},
-          {"command_policy", fmt::format("{:016x}", tick.command_policy)},
-          {"monitor_pid", status.monitor_pid},
-          {"recorded_through", tick.recorded_through},
-          {"recorder_required", status.recorder_required != 0},
-          {"realtime", status.realtime != 0}};
+  nlohmann::ordered_json json = monitor::facts_json(tick);
+  json.update({{"overruns", monitor::counts_json<OverrunCause>(status.overruns, 1)},
+               {"arrivals", monitor::counts_json<Arrival>(status.arrivals, 1)},
+               {"incident", incident_json(incident)},
+               {"policy_pid", status.policy_pids[Seat::policy]},
+               {"fallback_pid", status.policy_pids[Seat::fallback]},
+               {"fallback_freshness", name(tick.seats[Seat::fallback].freshness)},
+               {"fallback_age_ns", monitor::in_ns(age_of(tick.seats[Seat::fallback]))},
+               {"candidate_pid", status.policy_pids[Seat::candidate]},
+               {"candidate", candidate_json(tick)},
+               {"monitor_pid", status.monitor_pid},
+               {"recorder_required", status.recorder_required != 0},
+               {"realtime", status.realtime != 0}});
+  return json;
 }
 
 }  // namespace takt::cli

@@ -15,7 +15,6 @@ namespace takt::cli {
 std::vector<std::string> sentences_of(const OperatorReply& reply);
 
 std::uint64_t overruns_of(const StatusSnapshot& status);
-std::uint64_t refused_of(const StatusSnapshot& status);  // messages not accepted, whatever the reason
 
 // The newest stop or fault in one sentence; empty: there was none, or the robot was reset since.
 std::string incident_sentence(const IncidentNote& incident);

@@ -18,7 +18,7 @@ Attachment::Attachment(const config::RobotConfig& robot, std::string runtime_dir
     : robot_(robot),
       runtime_directory_(std::move(runtime_directory)),
       view_(view),
-      sink_{.command = [this](const RecordedCommand& command) { view_.command(command); },
+      sink_{.command = [](const RecordedCommand&) {},
             .tick = [this](const TickRecord& record) { view_.tick(record); },
             .keyframe = [](const RecordedKeyframe&) {},
             .frame = [this](const FrameRecord& frame) { view_.frame(frame); },

@@ -8,6 +8,7 @@
 #include "config/printable.hpp"
 #include "drivers/protocol/bus_load.hpp"
 #include "drivers/protocol/protocol_table.hpp"
+#include "executive/contract/tick_facts.hpp"
 
 namespace takt::monitor::top {
 namespace {
@@ -15,10 +16,6 @@ namespace {
 constexpr std::uint32_t kExtendedId = 0x8000'0000;  // CAN_EFF_FLAG
 constexpr std::uint8_t kFdFrame = 0x80, kBitRateSwitch = 0x01;
 constexpr Duration kRecently = seconds(1);
-
-bool relies_on_policy(const TickRecordHeader& header) {
-  return header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded;
-}
 
 double seconds_on_wire(const FrameRecord& frame, const config::Bus& bus) {
   const drivers::FrameTraffic traffic{
@@ -59,10 +56,6 @@ void LiveView::status(const OperatorReply& reply) {
   session_.has_status = true;
 }
 
-void LiveView::command(const RecordedCommand& command) {
-  if (const auto header = policy_header_of(command)) session_.claimed_hash = header->policy_hash;
-}
-
 void LiveView::tick(const TickRecord& record) {
   const TickRecordHeader& header = record.header;
   if (header.joint_count != robot_.joints.size()) return;
@@ -71,10 +64,7 @@ void LiveView::tick(const TickRecord& record) {
   session_.incidents.tick(record);
   if (is_first || header.mode != header.previous_mode) session_.mode_since = header.now;
   if (header.mode != header.previous_mode) session_.entered_by = header.cause;
-  if (header.seats[Seat::policy].arrival == Arrival::accepted) {
-    session_.accepted.add(header.now, 1);
-    session_.policy_hash = session_.claimed_hash;
-  }
+  if (header.seats[Seat::policy].arrival == Arrival::accepted) session_.accepted.add(header.now, 1);
   for (std::size_t joint = 0; joint < robot_.joints.size(); ++joint)
     for (std::size_t kind = 0; kind < kInterventionCount; ++kind)
       if ((record.joints[joint].interventions >> kind & 1U) != 0) session_.intervened_at[joint][kind] = header.now;
@@ -128,7 +118,6 @@ std::vector<Slice> LiveView::history(MonoTime now) const {
 }
 
 void LiveView::describe_policy(Picture& picture, MonoTime now) const {
-  picture.policy_hash = session_.policy_hash;
   picture.policy_rate = session_.accepted.per_second(now);
   if (robot_.policy) picture.planned_rate = 1 / robot_.policy->period.seconds();
   picture.arrivals = session_.metrics.arrivals;

@@ -33,7 +33,6 @@ class LiveView {
   // There is no session, for this reason.
   void wait(std::string why);
   void status(const OperatorReply& reply);
-  void command(const RecordedCommand& command);  // before its tick
   void tick(const TickRecord& record);
   void frame(const FrameRecord& frame);
   void loss(const Loss& loss);
@@ -60,7 +59,6 @@ class LiveView {
     RateMeter accepted;
     MonoTime mode_since;
     Cause entered_by = Cause::none;
-    std::uint64_t claimed_hash = 0, policy_hash = 0;
     std::uint64_t lost_ticks = 0;
     incident::IncidentWatch incidents;
     OperatorReply reply;

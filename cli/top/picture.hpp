@@ -73,7 +73,6 @@ struct Picture {
   std::uint64_t skipped_periods = 0;
   std::uint64_t lost_ticks = 0;  // overwritten before they were read here
 
-  std::uint64_t policy_hash = 0;                  // claimed by the last accepted command; 0 none yet
   double policy_rate = 0;                         // accepted commands per second
   double planned_rate = 0;                        // configured; 0: the robot has no policy
   std::uint64_t policy_pid = 0, monitor_pid = 0;  // 0: not attached

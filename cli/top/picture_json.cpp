@@ -5,54 +5,21 @@
 
 #include <nlohmann/json.hpp>
 
+#include "config/joint_units.hpp"
 #include "executive/contract/feedback_names.hpp"
+#include "monitor/judge/run_metrics.hpp"
+#include "monitor/record/facts_json.hpp"
 
 namespace takt::monitor::top {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json quantiles_json(const Quantiles& quantiles) {
-  return {{"count", quantiles.count},
-          {"p50", quantiles.p50},
-          {"p95", quantiles.p95},
-          {"p99", quantiles.p99},
-          {"max", quantiles.max}};
-}
-
-template <class Enum, std::size_t size>
-Json counts_json(const std::array<std::uint64_t, size>& counts, std::size_t first) {
-  Json json = Json::object();
-  for (std::size_t value = first; value < size; ++value)
-    json[std::string(takt::name(static_cast<Enum>(value)))] = counts[value];
-  return json;
-}
-
-Json age_json(const Picture& picture) {
-  Json json{{"limit_ns", picture.max_age.ns}, {"freshness", takt::name(picture.tick.seats[Seat::policy].freshness)}};
-  json["now_ns"] = picture.tick.seats[Seat::policy].freshness == Freshness::missing ? Json(nullptr)
-                                                                                    : Json(picture.tick.age.total().ns);
-  json["recent_ns"] = quantiles_json(picture.age);
-  for (std::size_t stage = 0; stage < kAgeStageCount; ++stage)
-    json["stages_ns"][std::string(kAgeStageNames[stage])] = quantiles_json(picture.stages[stage]);
-  return json;
-}
-
-Json misses_json(const Picture& picture) {
-  return {{"window", {{"misses", picture.tick.window_misses}, {"ticks", picture.tick.window_ticks}}},
-          {"epsilon", picture.epsilon},
-          {"since_attached",
-           {{"misses", picture.misses.misses},
-            {"ticks", picture.misses.count},
-            {"upper_bound", picture.misses.upper_bound},
-            {"confidence", picture.confidence}}}};
-}
-
-Json policy_json(const Picture& picture) {
-  return {{"hash", picture.policy_hash == 0 ? Json(nullptr) : Json(fmt::format("{:016x}", picture.policy_hash))},
-          {"rate", picture.policy_rate},
-          {"planned_rate", picture.planned_rate},
-          {"pid", picture.policy_pid},
+Json since_attached_json(const Picture& picture) {
+  return {{"ticks", picture.ticks},
+          {"deadline_misses", to_json(picture.misses)},
+          {"overruns", counts_json<OverrunCause>(picture.overruns, 1)},
+          {"skipped_periods", picture.skipped_periods},
           {"arrivals", counts_json<Arrival>(picture.arrivals, 1)}};
 }
 
@@ -65,17 +32,18 @@ Json bus_json(const BusPicture& bus) {
           {"rx_dropped", bus.health.rx_dropped},
           {"foreign_frames", bus.health.foreign_frames},
           {"flooded", bus.health.flooded != 0},
-          {"tick_to_wire_ns", bus.tick_to_wire ? Json(bus.tick_to_wire->ns) : Json(nullptr)}};
+          {"tick_to_wire_ns", in_ns(bus.tick_to_wire)}};
 }
 
 Json joint_json(const JointPicture& joint) {
   Json interventions = Json::object();
   for (std::size_t kind = 0; kind < kInterventionCount; ++kind)
     interventions[std::string(kInterventionNames[kind])] = joint.ticks[kind];
+  const std::string_view position = config::kJointPosition.unit(joint.kind);
   return {{"joint", joint.name},
-          {"q", joint.newest.q_estimate},
-          {"target", joint.newest.q_reference},
-          {"torque", joint.newest.tau_total},
+          {fmt::format("q_estimate_{}", position), joint.newest.q_estimate},
+          {fmt::format("q_reference_{}", position), joint.newest.q_reference},
+          {fmt::format("tau_total_{}", config::kJointTorque.unit(joint.kind)), joint.newest.tau_total},
           {"temperature_C", joint.newest.feedback.temperature_C},
           {"error_code", joint.newest.feedback.error_code},
           {"error", joint.error},
@@ -85,20 +53,22 @@ Json joint_json(const JointPicture& joint) {
 }  // namespace
 
 Json to_json(const Picture& picture) {
-  Json json{{"robot", picture.robot}, {"link", name(picture.link)}, {"tick", picture.tick.tick}};
-  json["mode"] = takt::name(picture.tick.mode);
-  json["player"] = takt::name(picture.tick.player);
+  Json json{{"schema", "takt.top/1"}, {"robot", picture.robot}, {"link", name(picture.link)}};
+  json.update(facts_json(picture.tick));
+  json["cause"] = takt::name(picture.entered_by);
   json["in_mode_ns"] = picture.in_mode.ns;
-  json["entered_by"] = takt::name(picture.entered_by);
-  json["incident"] = picture.incident.empty() ? Json(nullptr) : Json(picture.incident);
+  json["incident"] = picture.incident.empty() ? Json(nullptr) : Json{{"stands", true}, {"sentence", picture.incident}};
   json["realtime"] = picture.realtime ? Json(*picture.realtime) : Json(nullptr);
+  json["policy_pid"] = picture.policy_pid;
   json["monitor_pid"] = picture.monitor_pid;
-  json["age"] = age_json(picture);
-  json["misses"] = misses_json(picture);
-  json["ticks_seen"] = picture.ticks;
-  json["overruns"] = counts_json<OverrunCause>(picture.overruns, 1);
-  json["skipped_periods"] = picture.skipped_periods;
-  json["policy"] = policy_json(picture);
+  json["contract"] = {
+      {"max_age_ns", picture.max_age.ns}, {"epsilon", picture.epsilon}, {"confidence", picture.confidence}};
+  json["recent_age_ns"] = to_json(picture.age);
+  for (std::size_t stage = 0; stage < kAgeStageCount; ++stage)
+    json["recent_stages_ns"][std::string(kAgeStageNames[stage])] = to_json(picture.stages[stage]);
+  json["policy_rate"] = picture.policy_rate;
+  json["planned_rate"] = picture.planned_rate;
+  json["since_attached"] = since_attached_json(picture);
   json["buses"] = Json::array();
   for (const BusPicture& bus : picture.buses) json["buses"].push_back(bus_json(bus));
   json["joints"] = Json::array();

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 
+#include "executive/contract/tick_facts.hpp"
 #include "monitor/judge/run_metrics.hpp"
 
 namespace takt::monitor::top {
@@ -121,7 +122,7 @@ Line stages_line(const Picture& picture, Glyphs glyphs) {
 
 Line misses_line(const Picture& picture) {
   const TickRecordHeader& tick = picture.tick;
-  const double rate = tick.window_ticks == 0 ? 0 : static_cast<double>(tick.window_misses) / tick.window_ticks;
+  const double rate = window_miss_share(tick);
   Line line = labelled("misses");
   line.add(fmt::format("{}/{} = {:.2f} %", tick.window_misses, tick.window_ticks, 100 * rate),
            rate > picture.epsilon ? Style::alarm : Style::plain);
@@ -143,9 +144,10 @@ Line overruns_line(const Picture& picture) {
 
 Line policy_line(const Picture& picture) {
   Line line = labelled("policy");
-  if (picture.planned_rate <= 0 && picture.policy_hash == 0) return line.add("the robot has none", Style::faint);
-  if (picture.policy_hash != 0)
-    line.add(fmt::format("{:016x}", picture.policy_hash));
+  if (picture.planned_rate <= 0 && picture.tick.command_policy == 0)
+    return line.add("the robot has none", Style::faint);
+  if (picture.tick.command_policy != 0)
+    line.add(fmt::format("{:016x}", picture.tick.command_policy));
   else
     line.add("no command yet", Style::faint);
   line.add(fmt::format("  {:.0f} Hz", picture.policy_rate),

@@ -11,6 +11,7 @@
 #include "drivers/protocol/cause_detail.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "executive/contract/feedback_names.hpp"
+#include "executive/contract/tick_facts.hpp"
 #include "executive/incident/log_hint.hpp"
 #include "executive/pipeline/mode_machine.hpp"
 
@@ -20,10 +21,6 @@ namespace {
 constexpr std::uint64_t kSilentTicks = 3;                  // a reply may come a tick late
 constexpr std::uint32_t kTargetsAlone = 0, kGainsToo = 1;  // what was brought into its range, or may have been
 constexpr std::int64_t kStallShare = 4;                    // a quarter of feedback.timeout lost at once is worth a word
-
-bool relies_on_policy(Mode mode) {
-  return mode == Mode::tracking || mode == Mode::degraded;
-}
 
 // Of causes: those that are something wrong.
 bool is_sign(Cause cause) {
@@ -223,7 +220,7 @@ void IncidentWatch::look(const TickRecord& record) {
   for (std::size_t bus = 0; bus < buses; ++bus)
     if (const BusState state = header.buses[bus].state; state != BusState::up)
       note(buses_[bus], header, header.tick, header.now, static_cast<std::uint32_t>(state));
-  if (relies_on_policy(header.previous_mode) && !is_usable(header.seats[Seat::policy].freshness))
+  if (relies_on_policy(header) && !is_usable(header.seats[Seat::policy].freshness))
     note(command_, header, header.tick, header.now);
   if (header.player == Player::fallback || (fallback_.tick != 0 && header.previous_mode == Mode::degraded))
     note(fallback_, header, header.tick, header.now);

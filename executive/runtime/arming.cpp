@@ -2,6 +2,7 @@
 #include "executive/runtime/arming.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -13,6 +14,7 @@
 #include "config/joint_units.hpp"
 #include "config/units.hpp"
 #include "drivers/protocol/protocol_table.hpp"
+#include "executive/contract/tick_facts.hpp"
 #include "executive/pipeline/control_tick.hpp"
 #include "executive/pipeline/rest_watch.hpp"
 
@@ -112,13 +114,7 @@ std::string lack_of_observations(const TickRecord& latest, const pipeline::TickC
 }
 
 std::string active_causes(const TickRecordHeader& tick) {
-  std::string names;
-  for (std::size_t cause = 1; cause < kCauseCount; ++cause) {
-    if ((tick.causes_active >> cause & 1U) == 0) continue;
-    if (!names.empty()) names += ", ";
-    names += name(static_cast<Cause>(cause));
-  }
-  return names;
+  return fmt::format("{}", fmt::join(names_of_active_causes(tick), ", "));
 }
 
 }  // namespace takt::runtime

@@ -3,6 +3,8 @@
 
 #include <string_view>
 
+#include "executive/contract/tick_facts.hpp"
+
 namespace takt::monitor::dds {
 namespace {
 
@@ -62,8 +64,7 @@ void lend(const Diagnostics& message, const config::RobotConfig& robot, LentDiag
 void lend(const Status& message, const Losses& losses, const RequestAnswer& answer, const config::RobotConfig& robot,
           const std::string& machine, LentStatus& out) {
   const TickRecordHeader& tick = message.tick;
-  for (std::size_t cause = 1; cause < kCauseCount; ++cause)
-    if ((tick.causes_active >> cause & 1U) != 0) out.causes.push_back(borrowed(name(static_cast<Cause>(cause))));
+  for (const std::string_view cause : names_of_active_causes(tick)) out.causes.push_back(borrowed(cause));
   const auto lost = [&](Channel channel) { return losses[static_cast<std::size_t>(channel)]; };
   auto& wire = out.wire;
   wire.stamp = time_of(message.unix_ns);

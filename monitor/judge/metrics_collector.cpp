@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "executive/contract/tick_facts.hpp"
+
 namespace takt::monitor {
 namespace {
 
@@ -51,7 +53,7 @@ void MetricsCollector::tick(const TickRecord& record) {
   for (std::size_t joint = 0; joint < header.joint_count; ++joint) interventions(record.joints[joint].interventions);
   if (header.mode != header.previous_mode) transition(header);
   if (header.operator_request == OperatorRequest::mark) mark(header);
-  const bool relies = header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded;
+  const bool relies = relies_on_policy(header);
   if (relies) relied(header);
   const bool has_fallback = header.seats[Seat::fallback].session != 0;  // attached once: arming waits for it
   if (relies && has_fallback && !is_usable(header.seats[Seat::fallback].freshness)) ++metrics_.ticks_without_fallback;

@@ -142,6 +142,8 @@ std::vector<incident::Incident> by_gravity(std::vector<incident::Incident> incid
 
 std::expected<RunMetrics, std::string> metrics_of(const RecordedRun& run);
 nlohmann::ordered_json to_json(const RunMetrics& metrics, const RecordedRun& run);
+nlohmann::ordered_json to_json(const Quantiles& quantiles);
+nlohmann::ordered_json to_json(const MissRate& misses);
 // Computes and writes metrics.json.
 std::expected<RunMetrics, std::string> write_metrics(const RecordedRun& run);
 

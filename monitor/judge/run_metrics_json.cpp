@@ -6,43 +6,16 @@
 
 #include "monitor/judge/run_metrics.hpp"
 #include "monitor/record/bounded_file.hpp"
+#include "monitor/record/facts_json.hpp"
 
 namespace takt::monitor {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json quantiles_json(const Quantiles& quantiles) {
-  return {{"count", quantiles.count},
-          {"p50", quantiles.p50},
-          {"p95", quantiles.p95},
-          {"p99", quantiles.p99},
-          {"p99.9", quantiles.p999 ? Json(*quantiles.p999) : Json(nullptr)},
-          {"max", quantiles.max}};
-}
-
 Json age_json(const std::array<Quantiles, kAgePartCount>& parts) {
   Json json;
-  for (std::size_t part = 0; part < kAgePartCount; ++part) json[kAgePartNames[part]] = quantiles_json(parts[part]);
-  return json;
-}
-
-Json misses_json(const MissRate& misses) {
-  return {{"misses", misses.misses},
-          {"count", misses.count},
-          {"rate", misses.rate},
-          {"effective_count", misses.effective_count},
-          {"lower_bound", misses.lower_bound},
-          {"upper_bound", misses.upper_bound},
-          {"verdict", name(misses.verdict)}};
-}
-
-// {"fresh": 12, ...} for an array counted by an enum with name().
-template <class Enum, std::size_t size>
-Json counts_json(const std::array<std::uint64_t, size>& counts) {
-  Json json;
-  for (std::size_t value = 0; value < size; ++value)
-    json[std::string(takt::name(static_cast<Enum>(value)))] = counts[value];
+  for (std::size_t part = 0; part < kAgePartCount; ++part) json[kAgePartNames[part]] = to_json(parts[part]);
   return json;
 }
 
@@ -82,8 +55,8 @@ Json candidate_json(const CandidateMetrics& candidate) {
   if (distance.p999) *distance.p999 *= 1e-9;
   return {{"ticks", candidate.ticks},
           {"fresh_ticks", candidate.fresh_ticks},
-          {"age_ns", quantiles_json(candidate.age)},
-          {"distance_rad", quantiles_json(distance)},
+          {"age_ns", to_json(candidate.age)},
+          {"distance_rad", to_json(distance)},
           {"ticks_beyond_range", candidate.ticks_beyond_range},
           {"ticks_beyond_limits", candidate.ticks_beyond_limits},
           {"arrivals", counts_json<Arrival>(candidate.arrivals)}};
@@ -103,6 +76,25 @@ std::string_view name(Verdict verdict) {
   return "invalid";
 }
 
+Json to_json(const Quantiles& quantiles) {
+  return {{"count", quantiles.count},
+          {"p50", quantiles.p50},
+          {"p95", quantiles.p95},
+          {"p99", quantiles.p99},
+          {"p99.9", quantiles.p999 ? Json(*quantiles.p999) : Json(nullptr)},
+          {"max", quantiles.max}};
+}
+
+Json to_json(const MissRate& misses) {
+  return {{"misses", misses.misses},
+          {"count", misses.count},
+          {"rate", misses.rate},
+          {"effective_count", misses.effective_count},
+          {"lower_bound", misses.lower_bound},
+          {"upper_bound", misses.upper_bound},
+          {"verdict", name(misses.verdict)}};
+}
+
 Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
   const config::Freshness& freshness = run.robot.freshness;
   Json json;
@@ -120,16 +112,16 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
   json["age_ns"] = {{"per_tick", age_json(metrics.age_per_tick)}, {"per_command", age_json(metrics.age_per_command)}};
   json["sensors"] = Json::object();
   for (const SensorAge& one : metrics.sensors)
-    json["sensors"][one.sensor] = {{"age_ns", quantiles_json(one.age)}, {"oldest", one.oldest}};
-  json["deadline_misses"] = {{"per_tick", misses_json(metrics.misses_per_tick)},
-                             {"per_command", misses_json(metrics.misses_per_command)}};
+    json["sensors"][one.sensor] = {{"age_ns", to_json(one.age)}, {"oldest", one.oldest}};
+  json["deadline_misses"] = {{"per_tick", to_json(metrics.misses_per_tick)},
+                             {"per_command", to_json(metrics.misses_per_command)}};
   json["degraded_by_p95"] = should_degrade(metrics.age_per_tick.back(), static_cast<double>(freshness.max_age.ns));
-  json["lateness_ns"] = quantiles_json(metrics.lateness);
-  json["work_ns"] = quantiles_json(metrics.work);
+  json["lateness_ns"] = to_json(metrics.lateness);
+  json["work_ns"] = to_json(metrics.work);
   json["tick_to_wire_ns"] = Json::object();
   for (std::size_t bus = 0; bus < std::min(run.robot.buses.size(), kMaxBuses); ++bus)
-    json["tick_to_wire_ns"][run.robot.buses[bus].name] = quantiles_json(metrics.tick_to_wire[bus]);
-  json["age_on_wire_ns"] = quantiles_json(metrics.age_on_wire);
+    json["tick_to_wire_ns"][run.robot.buses[bus].name] = to_json(metrics.tick_to_wire[bus]);
+  json["age_on_wire_ns"] = to_json(metrics.age_on_wire);
   json["ticks_in_mode"] = counts_json<Mode>(metrics.ticks_in_mode);
   json["ticks_of_player"] = counts_json<Player>(metrics.ticks_of_player);
   json["ticks_of_policy"] = Json::object();

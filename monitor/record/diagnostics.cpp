@@ -12,6 +12,7 @@
 #include "drivers/protocol/cause_detail.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "executive/contract/feedback_names.hpp"
+#include "executive/contract/tick_facts.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -29,12 +30,22 @@ Level bus_level(BusState state) {
   return Level::error;
 }
 
-std::string causes_active(const TickRecordHeader& header) {
-  std::vector<std::string_view> names;
-  for (std::size_t cause = 1; cause < kCauseCount; ++cause)
-    if ((header.causes_active >> cause & 1U) != 0) names.push_back(takt::name(static_cast<Cause>(cause)));
-  return fmt::format("{}", fmt::join(names, ", "));
-}
+// "window misses": "4"; a unit follows its number.
+struct DiagnosticFacts {
+  void operator()(std::string name, const auto& value) {
+    std::ranges::replace(name, '_', ' ');
+    values.emplace_back(std::move(name), text(value));
+  }
+  static std::string text(const auto& value) { return fmt::format("{}", value); }
+  static std::string text(PolicyHash policy) { return fmt::format("{:016x}", policy.value); }
+  static std::string text(const std::vector<std::string_view>& names) {
+    return fmt::format("{}", fmt::join(names, ", "));
+  }
+  static std::string text(std::optional<Duration> age) {
+    return age ? fmt::format("{:.3f} ms", age->milliseconds()) : "none";
+  }
+  std::vector<std::pair<std::string, std::string>> values;
+};
 
 Diagnostic diagnose_executive(const RobotStatus& status, const config::RobotConfig& robot) {
   const TickRecordHeader& header = status.tick;
@@ -42,20 +53,11 @@ Diagnostic diagnose_executive(const RobotStatus& status, const config::RobotConf
   if (status.cause != Cause::none) message += fmt::format(": {}", takt::name(status.cause));
   if (!status.detail.empty()) message += fmt::format(": {}", status.detail);
   if (!status.incident.empty()) message = status.incident;
-  const bool has_age = header.seats[Seat::policy].freshness != Freshness::missing;
-  return {level_of(header.mode),
-          robot.robot + ": executive",
-          message,
-          {{"mode", std::string(takt::name(header.mode))},
-           {"cause", std::string(takt::name(status.cause))},
-           {"causes active", causes_active(header)},
-           {"freshness", std::string(takt::name(header.seats[Seat::policy].freshness))},
-           {"age", has_age ? fmt::format("{:.3f} ms", header.age.total().milliseconds()) : "none"},
-           {"misses", fmt::format("{} of {} ticks", header.window_misses, header.window_ticks)},
-           {"overruns", fmt::format("{}", status.overruns)},
-           {"skipped periods", fmt::format("{}", header.skipped_periods)},
-           {"refused commands", fmt::format("{}", header.refused_commands)},
-           {"integration errors", fmt::format("{}", header.integration_errors)}}};
+  DiagnosticFacts facts;
+  tell_facts(header, facts);
+  facts("cause", takt::name(status.cause));
+  facts("overruns_seen", status.overruns);
+  return {level_of(header.mode), robot.robot + ": executive", message, std::move(facts.values)};
 }
 
 // The worst thing to say about a drive, and how bad it is.

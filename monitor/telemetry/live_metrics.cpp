@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "executive/contract/tick_facts.hpp"
 #include "monitor/record/image_message.hpp"
 
 namespace takt::monitor {
@@ -80,7 +81,7 @@ void LiveMetrics::tick(const TickRecord& record) {
   count(policy_changes, header.candidate.change);
   if (newest.tick != 0) skipped_periods += header.skipped_periods - newest.skipped_periods;
   if (header.mode != header.previous_mode) ++transitions[{header.mode, header.cause}];
-  if (header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded) {
+  if (relies_on_policy(header)) {
     ++relied_ticks;
     if (!is_usable(header.seats[Seat::policy].freshness)) ++deadline_misses;
     if (header.seats[Seat::policy].freshness != Freshness::missing) age.observe(header.age.total());

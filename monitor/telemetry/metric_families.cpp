@@ -8,6 +8,7 @@
 #include "config/joint_units.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "executive/contract/feedback_names.hpp"
+#include "executive/contract/tick_facts.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -49,8 +50,7 @@ void contract(Families& out, const LiveMetrics& metrics, const config::RobotConf
   out.sample(metrics.deadline_misses);
   out.family({"takt.window_misses", "takt_window_misses_ratio", "1", MetricKind::gauge,
               "Share of misses in the contract's sliding window, now."});
-  const TickRecordHeader& now = metrics.newest;
-  out.sample(now.window_ticks == 0 ? 0.0 : static_cast<double>(now.window_misses) / now.window_ticks);
+  out.sample(window_miss_share(metrics.newest));
   out.family({"takt.command.age", "takt_command_age_seconds", "s", MetricKind::histogram,
               "Age of the command in use, at each relied tick."});
   out.histogram(metrics.age);

@@ -112,7 +112,7 @@ class Life:
 
     def status(self):
         status = self.robot.status()
-        self.last_tick = max(self.last_tick, status.get("ticks", 0))
+        self.last_tick = max(self.last_tick, status.get("tick", 0))
         return status
 
     # Faults: each says what it did, and whether the life may go on.
@@ -217,7 +217,7 @@ class Life:
             time.sleep(min(10.0, max(0.0, until - time.monotonic())))
 
     def tracks_or_ends(self, status):
-        self.last_tick = max(self.last_tick, status.get("ticks", 0))
+        self.last_tick = max(self.last_tick, status.get("tick", 0))
         if self.run.poll() is not None:
             return True
         verb = {"damped_stop": "reset", "fault_latched": "reset", "standby": "arm"}.get(status.get("mode"))

@@ -30,7 +30,7 @@ class LiveViewTest : public testing::Test {
   VirtualRobot robot_;
   LiveView view_{demo_robot()};
   RecordStream stream_ = RecordStream::attach(robot_.rings(), demo_robot().joints.size()).value();
-  RecordSink sink_{.command = [this](const RecordedCommand& command) { view_.command(command); },
+  RecordSink sink_{.command = [](const RecordedCommand&) {},
                    .tick = [this](const TickRecord& record) { view_.tick(record); },
                    .keyframe = [](const RecordedKeyframe&) {},
                    .frame = [this](const FrameRecord& frame) { view_.frame(frame); },
@@ -59,7 +59,7 @@ TEST_F(LiveViewTest, AgesAndStagesAreTheCommandsOwn) {
   EXPECT_EQ(shown.stages[3].p50, 3e6);
   EXPECT_GE(shown.age.p50, 37e6) << "37 ms at first use, older while it is held";
   EXPECT_LT(shown.age.max, 150e6);
-  EXPECT_EQ(shown.policy_hash, VirtualRobot::kPolicyHash);
+  EXPECT_EQ(shown.tick.command_policy, VirtualRobot::kPolicyHash);
   EXPECT_EQ(shown.policy_rate, shown.planned_rate) << "every observation is answered";
 }
 
@@ -138,7 +138,7 @@ TEST_F(LiveViewTest, ANewSessionStartsAnewButKeepsTheHistory) {
   const Picture shown = picture();
   EXPECT_EQ(shown.ticks, 0U);
   EXPECT_EQ(shown.age.count, 0U);
-  EXPECT_EQ(shown.policy_hash, 0U);
+  EXPECT_EQ(shown.tick.command_policy, 0U);
   EXPECT_GE(shown.history.size(), slices);
 }
 

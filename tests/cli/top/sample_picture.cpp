@@ -54,6 +54,7 @@ Picture sample_picture(std::size_t joints, std::size_t buses) {
   picture.tick.mode = Mode::tracking;
   picture.tick.seats[Seat::policy].freshness = Freshness::fresh;
   picture.tick.age = {milliseconds(36), microseconds(240), microseconds(35), microseconds(722), milliseconds(7)};
+  picture.tick.seats[Seat::policy].age = picture.tick.age.total();
   picture.tick.window_misses = 4;
   picture.tick.window_ticks = 1000;
   picture.max_age = milliseconds(150);
@@ -67,7 +68,7 @@ Picture sample_picture(std::size_t joints, std::size_t buses) {
   picture.overruns = {14'997, 0, 2, 0, 0, 1};
   picture.skipped_periods = 3;
   picture.arrivals[static_cast<std::size_t>(Arrival::accepted)] = 700;
-  picture.policy_hash = 0x1122'3344'5566'7788;
+  picture.tick.command_policy = 0x1122'3344'5566'7788;
   picture.policy_rate = 50;
   picture.planned_rate = 50;
   picture.policy_pid = 4711;

@@ -130,11 +130,11 @@ overruns() {
 }
 # no_overrun_in TICKS WHAT: lets that many periods pass; none may be late or skipped.
 no_overrun_in() {
-  local until=$(($(field ticks) + $1))
-  while [ "$(field ticks)" -lt "$until" ]; do sleep 1; done
+  local until=$(($(field tick) + $1))
+  while [ "$(field tick)" -lt "$until" ]; do sleep 1; done
   [ "$(overruns)" = 0 ] || fail "$2: $(overruns) overruns: $(takt status --runtime-dir $RUN)"
   [ "$(field skipped_periods)" = 0 ] || fail "$2: $(field skipped_periods) periods skipped"
   say "$2: 0 of $1 periods missed"
 }
 active_cause() { takt status --runtime-dir $RUN --json 2>/dev/null | grep -o '"causes_active":[^]]*' | grep -q "\"$1\""; }
-no_active_cause() { field ticks | grep -q . && ! active_cause "$1"; }
+no_active_cause() { field tick | grep -q . && ! active_cause "$1"; }
