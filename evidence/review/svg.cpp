@@ -3,26 +3,9 @@
 
 #include <fmt/format.h>
 
+#include "config/xml_text.hpp"
+
 namespace takt::evidence {
-namespace {
-
-std::string escaped(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '<') {
-      out += "&lt;";
-    } else if (c == '&') {
-      out += "&amp;";
-    } else if (c == '"') {
-      out += "&quot;";
-    } else {
-      out += c;
-    }
-  }
-  return out;
-}
-
-}  // namespace
 
 std::string svg_document(double width, double height, std::string_view title, std::string_view body) {
   return fmt::format(
@@ -31,11 +14,13 @@ std::string svg_document(double width, double height, std::string_view title, st
       "\n"
       R"(<rect width="100%" height="100%" fill="#ffffff"/>)"
       "\n{3}</svg>\n",
-      width, height, escaped(title), body);
+      width, height, config::xml_text(title), body);
 }
 
 std::string svg_text(double x, double y, std::string_view text, std::string_view anchor) {
-  return fmt::format(R"(<text x="{:.1f}" y="{:.1f}" text-anchor="{}">{}</text>)", x, y, anchor, escaped(text)) + "\n";
+  return fmt::format(R"(<text x="{:.1f}" y="{:.1f}" text-anchor="{}">{}</text>)", x, y, anchor,
+                     config::xml_text(text)) +
+         "\n";
 }
 
 std::string svg_line(double x1, double y1, double x2, double y2, std::string_view colour) {
@@ -46,7 +31,7 @@ std::string svg_line(double x1, double y1, double x2, double y2, std::string_vie
 std::string svg_rectangle(const SvgBox& box, std::string_view colour, double opacity, std::string_view hint) {
   return fmt::format(
              R"(<rect x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}" fill="{}" fill-opacity="{:.2f}"><title>{}</title></rect>)",
-             box.x, box.y, box.width, box.height, colour, opacity, escaped(hint)) +
+             box.x, box.y, box.width, box.height, colour, opacity, config::xml_text(hint)) +
          "\n";
 }
 

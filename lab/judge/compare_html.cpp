@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "config/xml_text.hpp"
 #include "lab/judge/compare.hpp"
 
 namespace takt::lab {
@@ -26,26 +27,6 @@ th:first-child, td:first-child { text-align: left; }
 line { stroke: #888; } rect { fill: #38c; } circle { fill: currentColor; }
 </style></head><body>
 )";
-
-std::string escaped(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '<':
-        out += "&lt;";
-        break;
-      case '&':
-        out += "&amp;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
 
 // The interval as a bar around zero, scaled so that its far end touches the edge.
 std::string bar(const MeanDifference& difference) {
@@ -79,8 +60,8 @@ std::string metric_row(const MetricDifference& metric) {
 
 std::string group_html(const GroupComparison& group) {
   std::string html = group.task.empty() ? std::string("<h2>All perturbations together</h2>\n")
-                                        : fmt::format("<h2>{}, {} at dose {:g}</h2>\n", escaped(group.task),
-                                                      escaped(group.perturbation), group.dose);
+                                        : fmt::format("<h2>{}, {} at dose {:g}</h2>\n", config::xml_text(group.task),
+                                                      config::xml_text(group.perturbation), group.dose);
   html += fmt::format(
       "<p>Success: {}</p>\n<table><tr><th>metric</th><th>pairs</th><th>A</th><th>B</th><th>B - A</th><th>B better</th>"
       "<th>95 % interval</th><th></th></tr>\n",
@@ -90,7 +71,7 @@ std::string group_html(const GroupComparison& group) {
 }
 
 std::string outcome(const evidence::RolloutRow& row) {
-  return row.success ? "success" : escaped(row.failure_label);
+  return row.success ? "success" : config::xml_text(row.failure_label);
 }
 
 std::string age(const evidence::RolloutRow& row) {
@@ -105,8 +86,8 @@ std::string pairs_html(const Comparison& comparison) {
   for (const RowPair& pair : comparison.pairs) {
     html += fmt::format(
         "<tr><td>{}</td><td>{}</td><td>{:g}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
-        escaped(pair.a.task), escaped(pair.a.perturbation), pair.a.dose, pair.a.seed, outcome(pair.a), outcome(pair.b),
-        age(pair.a), age(pair.b));
+        config::xml_text(pair.a.task), config::xml_text(pair.a.perturbation), pair.a.dose, pair.a.seed, outcome(pair.a),
+        outcome(pair.b), age(pair.a), age(pair.b));
   }
   return html + "</table>\n";
 }
@@ -120,7 +101,7 @@ std::string confusion_html(std::string_view side, const std::string& method, con
   std::string html = fmt::format(
       "<h3>{}: {}</h3>\n<p>Macro recall {:.3f}; nominal rollouts with a verdict: {} of {}.</p>\n<table><tr>"
       "<th>planted</th>",
-      side, escaped(method), confusion.macro_recall().value_or(0), confusion.nominal_labelled(),
+      side, config::xml_text(method), confusion.macro_recall().value_or(0), confusion.nominal_labelled(),
       confusion.nominal_rollouts());
   for (const std::size_t verdict : columns) html += fmt::format("<th>{}</th>", verdict_name(verdict));
   html += "<th>recall</th></tr>\n";
@@ -137,9 +118,12 @@ std::string confusion_html(std::string_view side, const std::string& method, con
 std::string configuration_html(const Comparison& comparison) {
   if (!comparison.configuration || comparison.configuration->empty()) return "";
   std::string html = "<h2>In what the methods differ</h2>\n<table><tr><th>key</th><th>A</th><th>B</th></tr>\n";
-  const auto value = [](const std::string& said) { return said.empty() ? "as the robot file has it" : escaped(said); };
+  const auto value = [](const std::string& said) {
+    return said.empty() ? "as the robot file has it" : config::xml_text(said);
+  };
   for (const auto& [key, in_a, in_b] : *comparison.configuration)
-    html += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td></tr>\n", escaped(key), value(in_a), value(in_b));
+    html +=
+        fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td></tr>\n", config::xml_text(key), value(in_a), value(in_b));
   return html + "</table>\n";
 }
 
@@ -158,9 +142,10 @@ std::string comparison_html(const Comparison& comparison) {
       "<h1>{}: A {} against B {}</h1>\n<p>A from {}, B from {}. {} pairs of task, perturbation, dose and "
       "seed. Bold: survives Holm's correction over its table; without any difference "
       "at most one table in twenty has such a line.</p>\n",
-      escaped(comparison.panel), escaped(comparison.a.method), escaped(comparison.b.method),
-      escaped(comparison.a.artifact_id), escaped(comparison.b.artifact_id), comparison.pairs.size());
-  for (const std::string& note : comparison.notes) html += fmt::format("<p class=\"note\">{}</p>\n", escaped(note));
+      config::xml_text(comparison.panel), config::xml_text(comparison.a.method), config::xml_text(comparison.b.method),
+      config::xml_text(comparison.a.artifact_id), config::xml_text(comparison.b.artifact_id), comparison.pairs.size());
+  for (const std::string& note : comparison.notes)
+    html += fmt::format("<p class=\"note\">{}</p>\n", config::xml_text(note));
   html += configuration_html(comparison);
   if (comparison.margin) html += fmt::format("<p>{}</p>\n", margin_text(comparison, *comparison.margin));
   html += group_html(comparison.pooled) + fmt::format("<p>Success {}</p>\n", any_look_text(comparison.pooled.success));

@@ -169,6 +169,8 @@ class Scan {
       case Topic::transition:
       case Topic::joint_states:
       case Topic::diagnostics:
+      case Topic::robot_description:
+      case Topic::transforms:
       case Topic::log:
         break;
     }

@@ -11,6 +11,7 @@
 
 #include "drivers/bus/candump.hpp"
 #include "monitor/record/frame_log.hpp"
+#include "monitor/record/robot_description.hpp"
 #include "monitor/record/run_seal.hpp"
 #include "monitor/record/standard_messages.hpp"
 #include "monitor/record/tick_schema.hpp"
@@ -22,9 +23,14 @@ constexpr Duration kFlushPeriod = milliseconds(500);
 constexpr Duration kSegment = seconds(10);
 constexpr Duration kSealPeriod = seconds(60);
 constexpr Duration kJointStatePeriod = milliseconds(10);
+constexpr Duration kTransformsPeriod = milliseconds(40);
 constexpr std::uint64_t kReserveBytes = 1U << 20U;
 constexpr std::size_t kChunkBytes = 1U << 20U;  // uncompressed, unless half a second passes first
 constexpr std::size_t kFrameTextBytes = 1U << 20U;
+
+std::uint64_t ticks_in(Duration time, Duration tick) {
+  return static_cast<std::uint64_t>(std::max<std::int64_t>(time.ns / std::max<std::int64_t>(tick.ns, 1), 1));
+}
 
 // Room for the closing words of a full disk. Best effort: on a disk without room for it there is none to keep.
 void reserve(const std::string& path) {
@@ -78,8 +84,8 @@ Recorder::Recorder(const RunFolder& folder, RunManifest manifest, std::shared_pt
       flushed_at_(manifest_.started_at),
       segment_began_(manifest_.started_at),
       sealed_at_(manifest_.started_at),
-      joint_state_every_(static_cast<std::uint64_t>(std::max<std::int64_t>(
-          kJointStatePeriod.ns / std::max<std::int64_t>(watch_->robot.control.period.ns, 1), 1))) {
+      joint_state_every_(ticks_in(kJointStatePeriod, watch_->robot.control.period)),
+      transforms_every_(ticks_in(kTransformsPeriod, watch_->robot.control.period)) {
   now_ = manifest_.started_at;
   sink_ = {
       .command =
@@ -107,6 +113,9 @@ Recorder::Recorder(const RunFolder& folder, RunManifest manifest, std::shared_pt
             write(Topic::image, now_);
           },
   };
+  if (!watch_->robot.model) return;
+  encode_string(robot_description(watch_->robot), message_);
+  write(Topic::robot_description, now_);
 }
 
 void Recorder::write(Topic topic, MonoTime at) {
@@ -129,6 +138,11 @@ void Recorder::tick(const TickRecord& record) {
   if (record.header.tick % joint_state_every_ == 0 && record.header.joint_count == manifest_.joints.size()) {
     encode_joint_state(record, unix_ns(now_), manifest_.joints, message_);
     write(Topic::joint_states, now_);
+  }
+  if (record.header.tick % transforms_every_ == 0 && watch_->robot.model &&
+      record.header.joint_count == watch_->robot.joints.size()) {
+    encode_tf_message(frame_transforms(watch_->robot, record), unix_ns(now_), message_);
+    write(Topic::transforms, now_);
   }
   if (const auto parts = watch_->diagnoser.tick(record)) {
     encode_diagnostic_array(*parts, unix_ns(now_), manifest_.robot, message_);

@@ -97,7 +97,7 @@ class Recorder {
   MonoTime now_;            // of the newest tick: log time of what has none of its own
   MonoTime flushed_at_;
   MonoTime segment_began_, sealed_at_;
-  std::uint64_t joint_state_every_;  // ticks
+  std::uint64_t joint_state_every_, transforms_every_;  // ticks
   std::uint64_t newest_tick_ = 0;
   std::uint64_t flushed_ticks_ = 0, flushed_tick_ = 0, flushed_through_ = 0;  // what is on the medium
 };

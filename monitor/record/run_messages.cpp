@@ -116,6 +116,10 @@ std::string_view topic_name(Topic topic) {
       return "/takt/policy_input";
     case Topic::image:
       return "/takt/image";
+    case Topic::robot_description:
+      return "/robot_description";
+    case Topic::transforms:
+      return "/tf";
   }
   return "";
 }
@@ -133,7 +137,9 @@ std::vector<McapTopic> run_topics() {
           topic(Topic::diagnostics, "diagnostic_msgs/msg/DiagnosticArray", diagnostic_array_schema()),
           topic(Topic::log, "rcl_interfaces/msg/Log", log_schema()),
           topic(Topic::policy_input, "takt_msgs/msg/PolicyInput", std::string(kPolicyInputSchema)),
-          topic(Topic::image, "takt_msgs/msg/Image", std::string(kImageSchema))};
+          topic(Topic::image, "takt_msgs/msg/Image", std::string(kImageSchema)),
+          topic(Topic::robot_description, "std_msgs/msg/String", string_schema()),
+          topic(Topic::transforms, "tf2_msgs/msg/TFMessage", tf_message_schema())};
 }
 
 std::optional<CommandHeader> header_of(const RecordedCommand& command) {

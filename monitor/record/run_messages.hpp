@@ -11,6 +11,8 @@
 //   /joint_states     sensor_msgs/msg/JointState  decimated, for the usual viewers (standard_messages.hpp), as the rest
 //   /diagnostics      diagnostic_msgs/msg/DiagnosticArray  once a second and when the mode changes, as DDS tells it
 //   /rosout           rcl_interfaces/msg/Log      a line for each transition and each mark
+//   /robot_description  std_msgs/msg/String       of a robot with a `model`: its URDF, once (robot_description.hpp)
+//   /tf               tf2_msgs/msg/TFMessage      of a robot with a `model`: its links' frames, decimated
 // In the file a tick's command comes before the tick, everything else about it behind it.
 #pragma once
 
@@ -40,7 +42,9 @@ enum class Topic : std::uint16_t {
   diagnostics,
   log,
   policy_input,
-  image
+  image,
+  robot_description,
+  transforms
 };
 
 // In the order of Topic, so that channel ids are Topic values.

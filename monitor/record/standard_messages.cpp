@@ -50,6 +50,29 @@ constexpr std::string_view kLog =
     "string function  # empty\n"
     "uint32 line      # 0\n";
 
+constexpr std::string_view kString = "string data\n";
+constexpr std::string_view kTfMessage = "geometry_msgs/TransformStamped[] transforms\n";
+constexpr std::string_view kTransformStamped =
+    "MSG: geometry_msgs/TransformStamped\n"
+    "std_msgs/Header header  # frame_id: the parent\n"
+    "string child_frame_id\n"
+    "geometry_msgs/Transform transform\n";
+constexpr std::string_view kTransform =
+    "MSG: geometry_msgs/Transform\n"
+    "geometry_msgs/Vector3 translation  # m\n"
+    "geometry_msgs/Quaternion rotation\n";
+constexpr std::string_view kVector3 =
+    "MSG: geometry_msgs/Vector3\n"
+    "float64 x\n"
+    "float64 y\n"
+    "float64 z\n";
+constexpr std::string_view kQuaternion =
+    "MSG: geometry_msgs/Quaternion\n"
+    "float64 x 0\n"
+    "float64 y 0\n"
+    "float64 z 0\n"
+    "float64 w 1\n";
+
 // A definition and those it names, as MCAP wants them.
 std::string schema_of(std::string_view message, std::initializer_list<std::string_view> parts) {
   std::string text(message);
@@ -62,9 +85,9 @@ void put_time(CdrWriter& out, std::int64_t unix_ns) {
   out.put(static_cast<std::uint32_t>(unix_ns % 1'000'000'000));
 }
 
-void put_header(CdrWriter& out, std::int64_t unix_ns) {
+void put_header(CdrWriter& out, std::int64_t unix_ns, std::string_view frame = "") {
   put_time(out, unix_ns);
-  out.put_string("");
+  out.put_string(frame);
 }
 
 void put_doubles(CdrWriter& out, const TickRecord& record, float (*value)(const JointRecord&)) {
@@ -140,6 +163,30 @@ void encode_log(Level level, std::string_view name, std::string_view text, std::
   out.put_string("");
   out.put_string("");
   out.put(std::uint32_t{0});
+}
+
+std::string string_schema() {
+  return std::string(kString);
+}
+
+void encode_string(std::string_view text, CdrWriter& out) {
+  out.clear();
+  out.put_string(text);
+}
+
+std::string tf_message_schema() {
+  return schema_of(kTfMessage, {kTransformStamped, kHeader, kTime, kTransform, kVector3, kQuaternion});
+}
+
+void encode_tf_message(std::span<const FrameTransform> transforms, std::int64_t unix_ns, CdrWriter& out) {
+  out.clear();
+  out.put_count(transforms.size());
+  for (const FrameTransform& each : transforms) {
+    put_header(out, unix_ns, each.parent);
+    out.put_string(each.child);
+    for (const double value : each.translation) out.put(value);
+    for (const double value : each.rotation) out.put(value);
+  }
 }
 
 }  // namespace takt::monitor

@@ -3,6 +3,7 @@
 // are those of common_interfaces and rcl_interfaces; comments are ours.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -25,5 +26,16 @@ void encode_diagnostic_array(std::span<const Diagnostic> parts, std::int64_t uni
 std::string log_schema();  // rcl_interfaces/msg/Log
 // `name`: who says it.
 void encode_log(Level level, std::string_view name, std::string_view text, std::int64_t unix_ns, CdrWriter& out);
+
+std::string string_schema();  // std_msgs/msg/String
+void encode_string(std::string_view text, CdrWriter& out);
+
+struct FrameTransform {
+  std::string parent, child;            // frames
+  std::array<double, 3> translation{};  // of the child's origin in the parent's frame, m
+  std::array<double, 4> rotation{};     // of the child in the parent's frame: unit quaternion x y z w
+};
+std::string tf_message_schema();  // tf2_msgs/msg/TFMessage
+void encode_tf_message(std::span<const FrameTransform> transforms, std::int64_t unix_ns, CdrWriter& out);
 
 }  // namespace takt::monitor

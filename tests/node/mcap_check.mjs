@@ -44,6 +44,11 @@ const standard = {
     ['diagnostic_msgs/KeyValue', ['string key', 'string value']]],
   'rcl_interfaces/msg/Log': [[undefined, ['uint8 DEBUG=10', 'uint8 INFO=20', 'uint8 WARN=30', 'uint8 ERROR=40', 'uint8 FATAL=50',
     'time stamp', 'uint8 level', 'string name', 'string msg', 'string file', 'string function', 'uint32 line']], stamp],
+  'std_msgs/msg/String': [[undefined, ['string data']]],
+  'tf2_msgs/msg/TFMessage': [[undefined, ['geometry_msgs/TransformStamped[] transforms']],
+    ['geometry_msgs/TransformStamped', ['std_msgs/Header header', 'string child_frame_id', 'geometry_msgs/Transform transform']], header, stamp,
+    ['geometry_msgs/Transform', ['geometry_msgs/Vector3 translation', 'geometry_msgs/Quaternion rotation']],
+    ['geometry_msgs/Vector3', ['float64 x', 'float64 y', 'float64 z']], ['geometry_msgs/Quaternion', ['float64 x', 'float64 y', 'float64 z', 'float64 w']]],
 };
 for (const [wanted, definition] of Object.entries(standard)) {
   const schema = [...reader.schemasById.values()].find(({ name }) => name === wanted);
@@ -51,6 +56,30 @@ for (const [wanted, definition] of Object.entries(standard)) {
     definitions.map(({ type, name, isArray, isConstant, value }) => `${type}${isArray ? '[]' : ''} ${name}${isConstant ? `=${value}` : ''}`)]);
   assert.deepEqual(found, definition, wanted);
 }
+// Where the rigid-body library saw the tool at the recorded angles, by the tick's stamp.
+const offset = BigInt(JSON.parse(readFileSync(process.argv[2] + '/manifest.json', 'utf8')).clock.monotonic_to_unix_ns);
+const toolAt = new Map(readFileSync(process.argv[2] + '/truth.jsonl', 'utf8').trimEnd().split('\n').map((line) => JSON.parse(line))
+  .map(({ monotonic_ns, tool }) => [BigInt(monotonic_ns) + offset, tool]));
+
+const cross = ([a, b, c], [d, e, f]) => [b * f - c * e, c * d - a * f, a * e - b * d];
+function turned({ x, y, z, w }, vector) {
+  const twice = cross([x, y, z], vector).map((each) => 2 * each);
+  const again = cross([x, y, z], twice);
+  return vector.map((each, axis) => each + w * twice[axis] + again[axis]);
+}
+
+// A point of the base frame in the frame of the last link, as a viewer goes down the chain of transforms.
+function inLastFrame(transforms, point) {
+  transforms.forEach(({ header, child_frame_id, transform: { translation: t, rotation: r } }, index) => {
+    assert.equal(header.frame_id, index ? transforms[index - 1].child_frame_id : 'base');
+    assert.ok(Math.abs(Math.hypot(r.x, r.y, r.z, r.w) - 1) < 1e-9, `${child_frame_id}: a unit quaternion`);
+    point = turned({ x: -r.x, y: -r.y, z: -r.z, w: r.w }, [point[0] - t.x, point[1] - t.y, point[2] - t.z]);
+  });
+  return point;
+}
+const toolsInLastFrame = [];
+let urdf;
+
 const nanoseconds = ({ sec, nanosec }) => BigInt(sec) * 1_000_000_000n + BigInt(nanosec);
 
 const counts = {};
@@ -73,6 +102,18 @@ for await (const message of reader.readMessages({ validateCrcs: true })) {
   } else if (topic === '/joint_states') {
     assert.equal(value.name.length, value.position.length);
     assert.ok(value.position.every(Number.isFinite));
+  } else if (topic === '/robot_description') {
+    assert.equal(newest, undefined, 'before every tick');
+    urdf = value.data;
+  } else if (topic === '/tf') {
+    const { joint_count: joints, log_time } = newest;
+    assert.equal(value.transforms.length, joints);
+    for (const { header } of value.transforms) assert.equal(nanoseconds(header.stamp), message.logTime);
+    assert.equal(message.logTime, log_time, 'stamped as its tick');
+    toolsInLastFrame.push(inLastFrame(value.transforms, toolAt.get(message.logTime)));
+    if (counts[topic] > 1) continue;
+    const links = [...urdf.matchAll(/<link name="(.*?)">/g)].map(([, name]) => name);
+    assert.deepEqual(links, ['base', ...value.transforms.map(({ child_frame_id }) => child_frame_id)]);
   } else if (topic === '/diagnostics') {
     const [executive, ...others] = value.status;
     const values = Object.fromEntries(executive.values.map((each) => [each.key, each.value]));
@@ -105,6 +146,13 @@ told.sort(([a], [b]) => a - b);
 assert.deepEqual(log.map((line) => line.slice(0, 3)), told.map((line) => line.slice(0, 3)), 'a log line for every transition and every mark');
 // Stops and faults say why after the arrow: the incident's sentence.
 log.forEach((line, i) => assert.ok(line[3].startsWith(told[i][3].replace(/: .*/, '')) && line[3].includes(told[i][3].replace(/.*: /, '')), line[3]));
+assert.equal(counts['/robot_description'], 1);
+assert.equal(counts['/tf'], metrics.ticks.recorded / 40, '25 Hz');
+// The tool is a part of the last link: in its frame it stays where it is. truth.jsonl has micrometres.
+for (const axis of [0, 1, 2]) {
+  const along = toolsInLastFrame.map((tool) => tool[axis]);
+  assert.ok(Math.max(...along) - Math.min(...along) < 3e-6, `the tool moves in the last link's frame: ${along}`);
+}
 for (const topic of ['/takt/command', '/takt/keyframe', '/joint_states']) assert.ok(counts[topic] > 0, topic);
 
 // What a stream reader gets out of the first `length` bytes.

@@ -96,7 +96,7 @@ TEST(RunMessages, LossesComeBack) {
 
 TEST(RunMessages, ChannelIdsAreTopicValues) {
   const auto topics = run_topics();
-  ASSERT_EQ(topics.size(), static_cast<std::size_t>(Topic::image));
+  ASSERT_EQ(topics.size(), static_cast<std::size_t>(Topic::transforms));
   for (std::size_t index = 0; index < topics.size(); ++index) {
     EXPECT_EQ(topics[index].topic, topic_name(static_cast<Topic>(index + 1)));
   }
