@@ -445,7 +445,9 @@ TEST_F(Cli, WithoutAnExecutiveRequestsEndWith69) {
     EXPECT_EQ(ended.exit_code, 69) << verb;
     EXPECT_NE(ended.output.find("no executive answers in"), std::string::npos);
   }
-  EXPECT_FALSE(nlohmann::json::parse(run("status --json --runtime-dir " + directory()).output)["done"].get<bool>());
+  const auto json = nlohmann::json::parse(run("status --json --runtime-dir " + directory()).output);
+  EXPECT_FALSE(json["done"].get<bool>());
+  EXPECT_EQ(json["schema"], "takt.reply/1");
 }
 
 // A robot can be stopped while its file is being edited: of the file its name is read, and nothing else.
