@@ -190,7 +190,7 @@ int serve(const Options& options, const config::RobotConfig& robot, Scenario sce
 std::vector<double> payloads_of(const Scenario& scenario) {
   std::vector<double> payloads;
   for (const FaultEvent& event : scenario.events)
-    if (event.kind == FaultKind::payload) payloads.push_back(event.amount);
+    if (event.kind == FaultKind::payload) payloads.push_back(event.dose);
   return payloads;
 }
 

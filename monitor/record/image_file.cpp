@@ -39,12 +39,16 @@ std::expected<std::vector<std::uint8_t>, std::string> read_image(const RunFolder
                                                                  const config::ImageShape& shape,
                                                                  const std::string& sha256) {
   const std::string path = folder.images() + "/" + image_file_name(shape, sha256);
-  if (!std::filesystem::exists(path)) return std::unexpected(path + " is missing: it was lost since the run");
+  const std::string other = path + " is not what was recorded: its SHA-256 is another";
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) return std::unexpected(path + " is missing: it was lost since the run");
+  const std::string head = head_of(shape);
+  // A stranger's file may be of any size.
+  if (std::filesystem::file_size(path, error) != head.size() + shape.bytes()) return std::unexpected(other);
   const auto file = read_file(path);
   if (!file) return std::unexpected(file.error());
-  const std::string head = head_of(shape);
   if (config::sha256_hex(*file) != sha256 || !file->starts_with(head) || file->size() != head.size() + shape.bytes())
-    return std::unexpected(path + " is not what was recorded: its SHA-256 is another");
+    return std::unexpected(other);
   return std::vector<std::uint8_t>(file->begin() + static_cast<std::ptrdiff_t>(head.size()), file->end());
 }
 

@@ -460,6 +460,52 @@ async function leavesGapsEmpty(page) {
   assert.ok(found.scenes[2].trail < 40 && found.scenes[2].trail > 5, `no way across: ${found.scenes[2].trail} of 60 pieces`);
 }
 
+// The image at the cursor as the browser decodes it: what the fixture made of its number; and what is said of it.
+const seenAt = (page, time) => page.evaluate(async (at) => {
+  takt.page.view.setCursor(at);
+  const image = document.querySelector('#seen img');
+  const [caption, note] = [...document.querySelectorAll('#seen figcaption')].map((each) => each.textContent);
+  if (image.hidden) return { caption, note };
+  await image.decode();
+  const canvas = Object.assign(document.createElement('canvas'), { width: image.naturalWidth, height: image.naturalHeight });
+  canvas.getContext('2d').drawImage(image, 0, 0);
+  const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+  const different = new Set();
+  for (let at = 4; at < pixels.length; at += 4) different.add(pixels.subarray(at, at + 4).join());
+  return { caption, note, size: [canvas.width, canvas.height], first: [...pixels.subarray(0, 4)], others: [...different], outdated: image.matches('.outdated') };
+}, time);
+
+// A camera that froze before the stop: the page opens there and shows the image that was the newest, pixel by pixel.
+async function showsWhatThePolicySaw(page) {
+  const { cursor } = await view(page);
+  const stop = await page.evaluate(() => takt.page.facts.violations.find(({ gravity }) => gravity === 'stopped').at_s);
+  assert.equal(cursor, stop, 'the page opens at the stop');
+  const isImage = (seen, number, at) => {
+    assert.deepEqual(seen.size, [32, 24]);
+    assert.deepEqual(seen.first, [number, 255 - number, 255, 255]);
+    assert.deepEqual(seen.others, [`${number},${255 - number},0,255`]);
+    assert.ok(seen.caption.startsWith(`target: sensed ${(1000 * at - 33 * number).toFixed(1)} ms before the cursor`), seen.caption);
+  };
+  const last = await seenAt(page, stop);
+  isImage(last, 79, stop);
+  assert.ok(!last.outdated && !last.caption.includes('newer'), 'after it the camera published none');
+  assert.equal(last.note.replace(/has \d+/, 'has N'), 'This page has N of 80 images; 1 recorded without a file; 1 file lost or altered');
+  const mark = await page.evaluate(() => takt.page.facts.marks[0].at_s);
+  isImage(await seenAt(page, mark), Math.floor((1000 * mark - 15) / 33), mark);
+  // From the first image on: what is shown is the newest that the page has, and it is said when there was a newer one.
+  assert.match((await seenAt(page, 0)).caption, /no image before the cursor/);
+  const kept = await page.evaluate(() => takt.page.facts.seen[0].pictures.map(({ sensed_s }) => Math.round(sensed_s * 1000 / 33)));
+  assert.ok(kept.length >= 15 && kept.length < 50 && !kept.includes(39) && !kept.includes(21), `${kept}`);
+  for (let time = 0.1; time < 2.6; time += 0.11) {
+    const newest = Math.floor((1000 * time - 15) / 33), shown = kept.findLast((number) => number <= newest);
+    if (shown === undefined) continue;
+    const seen = await seenAt(page, time);
+    isImage(seen, shown, time);
+    assert.equal(seen.outdated, shown !== newest, `${time} s`);
+    assert.equal(seen.caption.endsWith('; newer images are not on this page'), shown !== newest);
+  }
+}
+
 const calmAge = await inBrowser({ colorScheme: 'light' }, async (page, { errors, requests }) => {
   await page.goto(url);
   await ready(page);
@@ -507,4 +553,11 @@ await inBrowser({}, async (page, { errors }) => {
   await ready(page);
   await leavesGapsEmpty(page);
   assert.deepEqual(errors, []);
+});
+await inBrowser({}, async (page, { errors, requests }) => {
+  await page.goto(url.replace('report.html', 'seen.html'));
+  await ready(page);
+  await showsWhatThePolicySaw(page);
+  assert.deepEqual(errors, []);
+  assert.deepEqual(requests.filter((request) => !request.startsWith('data:image/png')), [url.replace('report.html', 'seen.html')]);
 });

@@ -67,15 +67,17 @@ std::string deflated(const std::string& content) {
   return out;
 }
 
-std::string base64_of(const std::string& content) {
+}  // namespace
+
+std::string base64_of(const std::string& bytes) {
   static constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   std::string text;
-  text.reserve((content.size() + 2) / 3 * 4);
-  for (std::size_t at = 0; at < content.size(); at += 3) {
-    const std::size_t have = std::min<std::size_t>(3, content.size() - at);
+  text.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t at = 0; at < bytes.size(); at += 3) {
+    const std::size_t have = std::min<std::size_t>(3, bytes.size() - at);
     std::uint32_t bits = 0;
-    for (std::size_t byte = 0; byte < 3; ++byte) {
-      bits = bits << 8U | (byte < have ? static_cast<unsigned char>(content[at + byte]) : 0U);
+    for (std::size_t k = 0; k < 3; ++k) {
+      bits = bits << 8U | (k < have ? static_cast<unsigned char>(bytes[at + k]) : 0U);
     }
     for (std::size_t digit = 0; digit < 4; ++digit) {
       text += digit <= have ? kDigits[(bits >> (18 - 6 * digit)) & 63U] : '=';
@@ -83,8 +85,6 @@ std::string base64_of(const std::string& content) {
   }
   return text;
 }
-
-}  // namespace
 
 PackedBlock pack(const SampleBlock& block) {
   std::string content;

@@ -20,5 +20,6 @@ struct PackedBlock {
   std::string base64;
 };
 PackedBlock pack(const SampleBlock& block);
+std::string base64_of(const std::string& bytes);
 
 }  // namespace takt::evidence

@@ -59,6 +59,26 @@ Json marks_json(const monitor::RunMetrics& metrics) {
   return marks;
 }
 
+Json seen_json(const std::vector<SeenBySensor>& seen) {
+  Json sensors = Json::array();
+  for (const SeenBySensor& each : seen) {
+    Json pictures = Json::array();
+    for (const Picture& picture : each.pictures)
+      pictures.push_back({{"sensed_s", picture.sensed_s},
+                          {"published_s", picture.published_s},
+                          {"until_s", picture.until_s ? Json(*picture.until_s) : Json(nullptr)},
+                          {"width", picture.shape.width},
+                          {"height", picture.shape.height},
+                          {"png", base64_of(picture.png)}});
+    sensors.push_back({{"sensor", each.sensor},
+                       {"shown", each.shown},
+                       {"without_file", each.without_file},
+                       {"unreadable", each.unreadable},
+                       {"pictures", pictures}});
+  }
+  return sensors;
+}
+
 Json joints_json(const config::RobotConfig& robot) {
   Json joints = Json::array();
   for (const config::Joint& joint : robot.joints) {
@@ -93,6 +113,7 @@ Json facts_of(const ReportContent& content, const Json& whole, const Json& momen
       {"violations", violations_json(content.faults, content.metrics.start)},
       {"violation_count", content.faults.total()},
       {"marks", marks_json(content.metrics)},
+      {"seen", seen_json(content.series.seen)},
       {"figure", robot_figure(content.run.robot)},
       {"comparison", content.comparison ? to_json(*content.comparison) : Json(nullptr)},
       {"together", contract_text(content.metrics)},

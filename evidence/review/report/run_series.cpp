@@ -92,7 +92,7 @@ class Series {
   }
   RunSeries finish() {
     if (any_) close_band(last_s_, Cause::none);
-    return {whole_.finish(), moments_.finish(), std::move(bands_)};
+    return {whole_.finish(), moments_.finish(), std::move(bands_), {}};
   }
 
  private:
@@ -137,13 +137,17 @@ std::expected<RunSeries, std::string> series_of(const monitor::RecordedRun& run,
     task_target = std::move(*opened);
   }
   Series series(run, metrics, faults, std::move(task_target), whole_bytes);
+  ShownImages images(run, metrics, faults);
   const auto scanned =
       monitor::scan_run(run, {.tick = [&](const monitor::RecordedTick& tick) { series.tick(tick.record); },
                               .command = [&](const monitor::RecordedCommand& command) { series.command(command); },
                               .keyframe = {},
-                              .loss = {}});
+                              .loss = {},
+                              .image = [&](const monitor::ShownImage& image) { images.image(image); }});
   if (!scanned) return std::unexpected(scanned.error());
-  return series.finish();
+  RunSeries done = series.finish();
+  done.seen = images.finish();
+  return done;
 }
 
 }  // namespace takt::evidence

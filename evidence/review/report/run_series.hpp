@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the HTML report draws of a run, in two levels of detail: `whole` covers the run in buckets of equal size, as
 // fine as the page's weight allows; `moments` holds every tick around the beginning of each fault verdict, for runs too
-// long to hold every tick. Both together are at most kWholeBytes + kMomentBytes, however long the run was. Streamed:
-// memory is the series plus one tick. Errors are one sentence.
+// long to hold every tick. Both together are at most kWholeBytes + kMomentBytes, however long the run was; so is what
+// the policies saw (shown_images.hpp). Streamed: memory is the series plus one tick. Errors are one sentence.
 #pragma once
 
 #include <expected>
@@ -10,12 +10,14 @@
 #include <vector>
 
 #include "evidence/review/report/sample_block.hpp"
+#include "evidence/review/report/shown_images.hpp"
 #include "monitor/judge/fault_classifier.hpp"
 #include "monitor/judge/run_metrics.hpp"
 
 namespace takt::evidence {
 
-// Base64 makes three bytes four, even if nothing could be compressed: with script and tables below 15 MB.
+// Base64 makes three bytes four, even if nothing could be compressed: with script and tables below 15 MB, with images
+// below 21.
 inline constexpr std::size_t kWholeBytes = 8'500'000;
 inline constexpr std::size_t kMomentBytes = 1'800'000;
 inline constexpr std::size_t kListedBands = 5'000;
@@ -30,6 +32,7 @@ struct ModeBand {
 struct RunSeries {
   SampleBlock whole, moments;
   std::vector<ModeBand> modes;  // the first kListedBands
+  std::vector<SeenBySensor> seen;
 };
 
 // `truth_file`: takt-plant's record of what the simulated robot did (simulation/truth_log.hpp), for the task's

@@ -9,10 +9,14 @@
 #include <exception>
 #include <filesystem>
 #include <stdexcept>
+#include <vector>
 
+#include "config/load.hpp"
 #include "evidence/review/report/report_html.hpp"
 #include "monitor/judge/run_metrics.hpp"
 #include "monitor/record/bounded_file.hpp"
+#include "monitor/record/image_file.hpp"
+#include "monitor/record/image_store.hpp"
 #include "simulation/arm_dynamics.hpp"
 #include "simulation/camera.hpp"
 #include "simulation/truth_log.hpp"
@@ -55,6 +59,43 @@ void write_page_with_gap(const RecordedRun& run, const std::string& path) {
   write_page(torn, *metrics, path, evidence::kWholeBytes);
 }
 
+// The first sensor of the robot's file as a camera, 30 Hz, that ends at 2.64 s. Image k was sensed 33 k ms after the
+// first tick and published 15 ms later; it is red by k, green by 255 - k, and its first pixel blue. Number 39 was lost
+// since, number 21 went without a file.
+void write_page_with_images(const RecordedRun& run, const MonoTime start, const std::string& path) {
+  constexpr config::ImageShape kShape{24, 32, 3};
+  constexpr std::uint64_t kImages = 80, kLost = 39, kWithoutFile = 21;
+  const std::string directory = run.folder.path() + "/seen";
+  const auto beside = RunFolder::create(directory + ".images");
+  if (!beside) throw std::runtime_error(beside.error());
+  ImageStore store(*beside, {.budget_mib = 100, .rate_mib_per_s = 1000});
+  std::vector<ShownImage> images;
+  for (std::uint64_t k = 0; k < kImages; ++k) {
+    std::vector<std::byte> pixels;
+    for (std::size_t at = 0; at < kShape.bytes(); at += kShape.channels)
+      for (const std::uint64_t value : {k, 255 - k, at == 0 ? std::uint64_t{255} : std::uint64_t{0}})
+        pixels.push_back(static_cast<std::byte>(value));
+    const std::string file = image_file(kShape, pixels);
+    const MonoTime sensed_at = start + milliseconds(33 * static_cast<std::int64_t>(k));
+    ShownImage& image = images.emplace_back(ShownImage{.sequence = k,
+                                                       .sensed_at = sensed_at,
+                                                       .published_at = sensed_at + milliseconds(15),
+                                                       .sensor = 0,
+                                                       .shape = kShape,
+                                                       .file = ImageFile::over_rate,
+                                                       .sha256 = config::sha256_hex(file)});
+    if (k != kWithoutFile) image.file = store.keep(image, file, sensed_at);
+    if (k == kLost) std::filesystem::remove(directory + ".images/images/" + image_file_name(kShape, image.sha256));
+  }
+  const RecordedRun seen = altered_copy(
+      run, directory, [](TickRecord&) {}, [](RecordedCommand&) {}, [](std::uint64_t) { return true; },
+      Checksums::as_recorded, images);
+  std::filesystem::rename(directory + ".images/images", seen.folder.images());
+  const auto metrics = metrics_of(seen);
+  if (!metrics) throw std::runtime_error(metrics.error());
+  write_page(seen, *metrics, path, evidence::kWholeBytes);
+}
+
 constexpr std::uint64_t kTicksPerSecond = 1'000;
 
 // The policy stalls once in four seconds, so that every ten of them have transitions.
@@ -90,6 +131,7 @@ int main(int argc, char** argv) {
     if (!metrics) throw std::runtime_error(metrics.error());
     write_page(run, *metrics, run.folder.path() + "/thin.html", 60'000);
     write_page_with_gap(run, run.folder.path() + "/gap.html");
+    write_page_with_images(run, metrics->start, run.folder.path() + "/seen.html");
   } catch (const std::exception& error) {
     std::fprintf(stderr, "make_recorded_demo: %s\n", error.what());
     return 1;

@@ -44,7 +44,8 @@ RecordedRun record_demo(const std::string& directory) {
 RecordedRun altered_copy(const RecordedRun& run, const std::string& directory,
                          const std::function<void(TickRecord&)>& alter_tick,
                          const std::function<void(RecordedCommand&)>& alter_command,
-                         const std::function<bool(std::uint64_t tick)>& keep_tick, Checksums checksums) {
+                         const std::function<bool(std::uint64_t tick)>& keep_tick, Checksums checksums,
+                         const std::vector<ShownImage>& images) {
   const bool anew = checksums == Checksums::made_anew;
   const RunFolder folder = required(RunFolder::create(directory));
   for (const char* file : {"config.yaml", "manifest.json"}) {
@@ -75,6 +76,10 @@ RecordedRun altered_copy(const RecordedRun& run, const std::string& directory,
                                       write(Topic::keyframe);
                                     },
                                 .loss = {}}));
+  for (const ShownImage& image : images) {
+    encode_image(image, message);
+    write(Topic::image);
+  }
   writer.finish();
   return required(open_run(directory));
 }

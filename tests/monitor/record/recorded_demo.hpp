@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "monitor/record/recorded_run.hpp"
 #include "monitor/record/recorder.hpp"
@@ -25,11 +26,11 @@ RecordedRun record_demo(const std::string& directory);
 // Whether an altered record keeps the checksum it was recorded with, or has one of its own: damaged, or forged.
 enum class Checksums : std::uint8_t { as_recorded, made_anew };
 
-// Copies `run` into `directory`, with `alter` applied to every tick and command on the way.
+// Copies `run` into `directory`, with `alter` applied to every tick and command on the way; `images` behind them.
 RecordedRun altered_copy(const RecordedRun& run, const std::string& directory,
                          const std::function<void(TickRecord&)>& alter_tick,
                          const std::function<void(RecordedCommand&)>& alter_command,
                          const std::function<bool(std::uint64_t tick)>& keep_tick,
-                         Checksums checksums = Checksums::as_recorded);
+                         Checksums checksums = Checksums::as_recorded, const std::vector<ShownImage>& images = {});
 
 }  // namespace takt::monitor

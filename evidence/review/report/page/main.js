@@ -100,7 +100,10 @@ takt.main = async function (say) {
     (violation) => [takt.cameTo[violation.gravity], violation.fault.replaceAll('_', ' '), violation.sentence.replace(/^[a-z_]+: /, '')], takt.byGravity);
   const marks = new takt.Moments('marks', facts.marks, facts.metrics.mark_count, view, (mark, number) => [String(number), String(mark.tick), mark.text]);
   takt.keyboard(view, violations, marks);
+  takt.images(facts.seen, view);
   figure.draw();
+  const stop = facts.violations.find(({ gravity }) => gravity === 'stopped');
+  if (stop) view.setCursor(stop.at_s);
   takt.page = { facts, samples, view, figure, violations, marks };
   document.documentElement.dataset.ready = performance.now().toFixed(0);
 };
