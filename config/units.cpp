@@ -131,6 +131,21 @@ std::string symbols(Dimension dimension) {
   return all;
 }
 
+namespace {
+
+// Of a number without a unit: every unit that a person may have meant, for one alone is copied unread.
+std::string with_each_unit(std::string_view number, Dimension dimension) {
+  std::string all;
+  for (const Unit& unit : kUnits) {
+    const bool is_usual = dimension != Dimension::time || unit.symbol == "ms" || unit.symbol == "s";
+    if (unit.dimension == dimension && is_usual)
+      all += fmt::format("{}`{} {}`", all.empty() ? "" : " or ", number, unit.symbol);
+  }
+  return all;
+}
+
+}  // namespace
+
 std::expected<double, std::string> parse_number(std::string_view text) {
   if (looks_octal(text)) {
     const bool negative = text.starts_with('-');
@@ -157,7 +172,7 @@ std::expected<double, std::string> parse_quantity(std::string_view text, Dimensi
   if (!number) return std::unexpected(number.error());
   std::string_view symbol = text.substr(digits);
   if (symbol.empty())
-    return std::unexpected(fmt::format("{0} has no unit; write `{0} {1}`", text, usual_symbol(dimension)));
+    return std::unexpected(fmt::format("{} has no unit; write {}", text, with_each_unit(text, dimension)));
   if (symbol.starts_with(' ')) symbol.remove_prefix(1);
   const auto unit = std::ranges::find(kUnits, symbol, &Unit::symbol);
   if (unit == kUnits.end())

@@ -38,6 +38,19 @@ TEST(Units, WhatIsNoQuantityIsRefused) {
     EXPECT_FALSE(parse_quantity(text, Dimension::time)) << text;
 }
 
+// The one unit that a complaint names is copied unread: 8.6 deg became 8.6 rad.
+TEST(Units, ANumberWithoutAUnitIsOfferedEveryUsualOne) {
+  const auto complaint = [](std::string_view text, Dimension dimension) {
+    return parse_quantity(text, dimension).error();
+  };
+  EXPECT_EQ(complaint("8.6", Dimension::angle), "8.6 has no unit; write `8.6 rad` or `8.6 deg`");
+  EXPECT_EQ(complaint("0.15", Dimension::time), "0.15 has no unit; write `0.15 ms` or `0.15 s`");
+  EXPECT_EQ(complaint("20", Dimension::length), "20 has no unit; write `20 m` or `20 mm`");
+  EXPECT_EQ(complaint("500", Dimension::bit_rate),
+            "500 has no unit; write `500 bit/s` or `500 kbit/s` or `500 Mbit/s`");
+  EXPECT_EQ(complaint("12", Dimension::torque), "12 has no unit; write `12 Nm`") << "no other is read";
+}
+
 TEST(Units, DurationsUseTheLargestWholeUnit) {
   EXPECT_EQ(format_duration(seconds(2)), "2 s");
   EXPECT_EQ(format_duration(milliseconds(2500)), "2500 ms");

@@ -124,7 +124,7 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"no begin", "{ joint: elbow, fault: silent }",
                 "s:3:5: key `at` is missing in `events[0]`; add it: when it begins"},
         Refusal{"no unit", "{ at: 2, joint: elbow, fault: silent }",
-                "s:3:11: events[0].at: 2 has no unit; write `2 ms`"},
+                "s:3:11: events[0].at: 2 has no unit; write `2 ms` or `2 s`"},
         Refusal{"a length of nothing", "{ at: 2 s, joint: elbow, fault: silent, for: 0 ms }",
                 "s:3:50: events[0].for: 0 ms is out of range; write at least 1 us and at most 1000000 s"},
         Refusal{"an unknown key", "{ at: 2 s, joint: elbow, fault: silent, fore: 1 s }",
