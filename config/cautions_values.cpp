@@ -165,6 +165,12 @@ void of_limits(const RobotConfig& robot, Cautions& cautions) {
       "limits.torque_rate lets torque reverse within one tick, so it bounds nothing; lower it");
   cautions.of_joints([](const Joint& joint) { return joint.limits.position_margin == 0; },
                      "limits.position_margin 0: the smallest overshoot at a limit is a stop");
+  for (const auto& [kind, unit] : {std::pair{JointKind::hinge, "degrees"}, std::pair{JointKind::slide, "mm"}})
+    cautions.of_joints(
+        [kind](const Joint& joint) {
+          return joint.kind == kind && joint.limits.position_margin > joint.limits.q_max - joint.limits.q_min;
+        },
+        fmt::format("limits.position_margin is wider than limits.position: was it meant in {}?", unit));
   cautions.of_joints(
       [](const Joint& joint) {
         return waives_watchdog(joint.drive) && joint.drive.watchdog_waiver.find(' ') == std::string::npos;
@@ -178,6 +184,8 @@ void of_model(const RobotConfig& robot, Cautions& cautions) {
   cautions.say_if(gravity < kLeastGravity || gravity > kMostGravity,
                   fmt::format("model.gravity is {:.3g} m/s2: stops carry the links as if they weighed {}; write 9.81",
                               gravity, gravity < kLeastGravity ? "nothing" : "that much"));
+  cautions.say_if(robot.model->gravity[2] > kHalf * gravity,
+                  "model.gravity points along +z, up: right only for a robot that hangs; else write -9.81 m/s2");
   const double mass = std::accumulate(robot.model->links.begin(), robot.model->links.end(), 0.0,
                                       [](double sum, const Link& link) { return sum + link.mass; });
   cautions.say_if(mass > kHeaviest_kg,
@@ -207,6 +215,15 @@ void of_contract(const RobotConfig& robot, Cautions& cautions) {
   cautions.say_if(contract.max_age > seconds(1), fmt::format("freshness.max_age {}: a command that old still moves the "
                                                              "robot",
                                                              format_duration(contract.max_age)));
+  cautions.say_if(contract.recover_after >= seconds(10),
+                  fmt::format("freshness.recover_after {}: degraded mode goes on for that long after the policy is "
+                              "back: was it meant in ms?",
+                              format_duration(contract.recover_after)));
+  const Duration resume = robot.degraded.resume_over;
+  cautions.say_if(resume.ns > 0 && resume < milliseconds(10),
+                  fmt::format("degraded.resume_over {}: velocity limits jump to the full ones: was it meant in s? "
+                              "0 ms says it on purpose",
+                              format_duration(resume)));
   if (is_held_by_motion(robot)) return;
   cautions.say_if(contract.stop_after > seconds(5),
                   fmt::format("freshness.stop_after {}: the robot goes on for that long without a usable command",

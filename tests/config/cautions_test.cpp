@@ -43,6 +43,13 @@ const Danger kDangers[] = {
      [](RobotConfig& r) { r.joints[0].limits.velocity_hard = r.joints[0].drive.velocity_range; }},
     {"limits.torque_rate", [](RobotConfig& r) { r.joints[0].limits.torque_rate = 1e9; }},
     {"limits.position_margin", [](RobotConfig& r) { r.joints[0].limits.position_margin = 0; }},
+    {"limits.position_margin is wider than limits.position: was it meant in degrees",
+     [](RobotConfig& r) { r.joints[0].limits.position_margin = 8.6; }},
+    {"limits.position_margin is wider than limits.position: was it meant in mm",
+     [](RobotConfig& r) {
+       r.joints[0].kind = JointKind::slide;
+       r.joints[0].limits.position_margin = 8.6;
+     }},
     {"within a turn, and limits.position is wider", [](RobotConfig& r) { r.joints[0].limits.q_max = 3.5; }},
     {"drive.watchdog_waiver", [](RobotConfig& r) { r.joints[0].drive.watchdog_waiver = "whatever"; }},
     {"model.gravity",
@@ -52,6 +59,10 @@ const Danger kDangers[] = {
     {"model.gravity",
      [](RobotConfig& r) {
        r.model->gravity = {0, 0, -981};
+     }},
+    {"model.gravity points along +z",
+     [](RobotConfig& r) {
+       r.model->gravity = {0, 0, 9.81};
      }},
     {"are their masses in kg", [](RobotConfig& r) { heavy(r).mass = 1200; }},
     {"gravity asks for", [](RobotConfig& r) { heavy(r).mass = 60; }},
@@ -65,6 +76,8 @@ const Danger kDangers[] = {
     {"freshness.stop_after", [](RobotConfig& r) { r.freshness.stop_after = seconds(30); }},
     {"freshness.clamped_share", [](RobotConfig& r) { r.freshness.clamped_share = 1; }},
     {"freshness.bad_command_limit", [](RobotConfig& r) { r.freshness.bad_command_limit = 1'000'000; }},
+    {"freshness.recover_after", [](RobotConfig& r) { r.freshness.recover_after = seconds(50); }},
+    {"degraded.resume_over", [](RobotConfig& r) { r.degraded.resume_over = milliseconds(3); }},
     {"control.late_share", [](RobotConfig& r) { r.control.late_share = 1; }},
     {"feedback.timeout", [](RobotConfig& r) { r.feedback.timeout = seconds(1); }},
     {"feedback.jump", [](RobotConfig& r) { r.feedback.jump = 0; }},
@@ -100,6 +113,14 @@ TEST_P(EveryDanger, HasALineOfItsOwn) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Cautions, EveryDanger, testing::ValuesIn(kDangers));
+
+TEST(Cautions, NoneOfFullSpeedOnPurpose) {
+  const auto robot = load("config/arm6.yaml");
+  ASSERT_TRUE(robot) << robot.error();
+  RobotConfig changed = *robot;
+  changed.degraded.resume_over = {};
+  EXPECT_EQ(cautions_about(changed), cautions_about(*robot));
+}
 
 // But what stops do without a model, which the pole on its cart cannot have.
 TEST(Cautions, NoneOnRobotsThatComeWithTakt) {
