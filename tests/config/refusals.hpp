@@ -150,6 +150,12 @@ inline constexpr Refusal kRefusals[] = {
             "18:10: joints[0].bus: bus `starboard` is not known; write one of: left"},
     Refusal{"an unknown sensor", "sensor: target, scale", "sensor: imu, scale",
             "54:31: policy.observation[1].sensor: sensor `imu` is not known; write one of: target"},
+    Refusal{"a fallback that sounds like none", "fallback: tuck }", "fallback: home }",
+            "11:44: degraded.fallback: fallback `home` is not known; write one of: tuck, none"},
+    Refusal{"a behaviour that looks like another", "behaviour: fallback", "behaviour: stop",
+            "11:24: degraded.behaviour: behaviour `stop` is not known; write one of: hold, slow, fallback"},
+    Refusal{"two letters swapped", "behaviour: fallback", "behaviour: hodl",
+            "11:24: degraded.behaviour: behaviour `hodl` is not known; did you mean `hold`?"},
     Refusal{"an unknown fallback", "fallback: tuck }", "fallback: stand }",
             "11:44: degraded.fallback: fallback `stand` is not known; write one of: tuck, none"},
     Refusal{
