@@ -50,11 +50,17 @@ void check_command(const Sensor& sensor, const std::string& path, Checker& check
                     fmt::format("has {} values for a sensor of {}; write one each", values->size(), count));
     if (values->size() != count) return;
   }
-  for (std::size_t i = 0; i < count; ++i)
+  for (std::size_t i = 0; i < count; ++i) {
+    const bool is_range = limits.minimum[i] <= limits.maximum[i];
+    checker.require(
+        is_range, path + ".minimum",
+        fmt::format("value {} is {}, above the maximum {}; swap them", i + 1, limits.minimum[i], limits.maximum[i]));
+    if (!is_range) continue;
     checker.require(limits.minimum[i] <= limits.when_absent[i] && limits.when_absent[i] <= limits.maximum[i],
                     path + ".when_absent",
                     fmt::format("value {} is {}, outside [{}, {}]; write one inside", i + 1, limits.when_absent[i],
                                 limits.minimum[i], limits.maximum[i]));
+  }
 }
 
 // The network fills it with values of its own, as they are.
