@@ -8,6 +8,7 @@
 #include "config/based_on.hpp"
 #include "config/checks.hpp"
 #include "config/document.hpp"
+#include "config/file_kind.hpp"
 #include "config/hash.hpp"
 #include "config/joint_defaults.hpp"
 #include "config/migrations.hpp"
@@ -32,7 +33,52 @@ std::string absolute_path(const std::string& written, const std::string& robot_f
   return (folder / written).lexically_normal().string();
 }
 
-std::expected<RobotConfig, std::string> robot_of(Node root, const std::string& name_for_messages, Problems& problems) {
+struct WrittenPath {
+  std::string key;  // as Places has it
+  std::string* text;
+};
+
+// Those that begin in the robot file's folder.
+std::vector<WrittenPath> paths_of(RobotConfig& robot) {
+  std::vector<WrittenPath> paths;
+  const auto add_if = [&paths](bool is_path, std::string key, std::string& text) {
+    if (is_path) paths.push_back({std::move(key), &text});
+  };
+  if (robot.policy) {
+    Policy& policy = *robot.policy;
+    add_if(true, "policy.file", policy.file);
+    add_if(policy.names_key(), "policy.signed_by", policy.signed_by);
+    if (policy.engine) {
+      add_if(policy.engine->name.contains('/'), "policy.engine.name", policy.engine->name);
+      add_if(policy.engine->library.contains('/'), "policy.engine.library", policy.engine->library);
+    }
+  }
+  for (Fallback& fallback : robot.fallbacks) {
+    add_if(fallback.has_own_file(), "fallbacks." + fallback.name + ".file", fallback.file);
+    add_if(is_shown(fallback.shown_by), "fallbacks." + fallback.name + ".shown_by", fallback.shown_by);
+  }
+  for (StopConfig& stop : robot.stops)
+    add_if(is_shown(stop.shown_by), "stops." + stop.name + ".shown_by", stop.shown_by);
+  if (robot.simulation && robot.simulation->mujoco)
+    add_if(true, "simulation.mujoco.model", robot.simulation->mujoco->model);
+  if (robot.safe_torque_off)
+    add_if(!robot.safe_torque_off->file.empty(), "safety.safe_torque_off.file", robot.safe_torque_off->file);
+  return paths;
+}
+
+// Shells expand it, this loader does not: a folder named ~ would be made.
+void refuse_home_folders(RobotConfig& robot, Checker& checker) {
+  std::vector<WrittenPath> paths = paths_of(robot);
+  paths.push_back({"record.directory", &robot.record.directory});
+  for (const auto& [key, text] : paths)
+    if (const std::size_t slash = text->find('/'); text->starts_with('~') && slash != std::string::npos)
+      checker.require(false, key, "~ is not expanded; write /home/NAME" + text->substr(slash));
+}
+
+enum class Origin : std::uint8_t { written, recorded };  // the latter: of a run folder, whose paths were taken as they are
+
+std::expected<RobotConfig, std::string> robot_of(Node root, const std::string& name_for_messages, Problems& problems,
+                                                 Origin origin) {
   RobotConfig robot;
   robot.file = name_for_messages;
   Places places;
@@ -45,25 +91,12 @@ std::expected<RobotConfig, std::string> robot_of(Node root, const std::string& n
   if (robot.policy && robot.policy->action.joint_of_output.empty())
     robot.policy->action.joint_of_output = robot.policy->joint_order;
   check(robot, places, problems);
+  Checker checker(places, problems);
+  if (origin == Origin::written) refuse_home_folders(robot, checker);
   if (!problems.empty()) return std::unexpected(problems.text());
 
   seal(robot);
-  if (robot.policy) robot.policy->file = absolute_path(robot.policy->file, robot.file);
-  if (robot.policy && robot.policy->names_key())
-    robot.policy->signed_by = absolute_path(robot.policy->signed_by, robot.file);
-  if (robot.policy && robot.policy->engine)
-    for (std::string* const path : {&robot.policy->engine->name, &robot.policy->engine->library})
-      if (path->contains('/')) *path = absolute_path(*path, robot.file);
-  for (Fallback& fallback : robot.fallbacks)
-    if (fallback.has_own_file()) fallback.file = absolute_path(fallback.file, robot.file);
-  for (Fallback& fallback : robot.fallbacks)
-    if (is_shown(fallback.shown_by)) fallback.shown_by = absolute_path(fallback.shown_by, robot.file);
-  for (StopConfig& stop : robot.stops)
-    if (is_shown(stop.shown_by)) stop.shown_by = absolute_path(stop.shown_by, robot.file);
-  if (robot.simulation && robot.simulation->mujoco)
-    robot.simulation->mujoco->model = absolute_path(robot.simulation->mujoco->model, robot.file);
-  if (robot.safe_torque_off && !robot.safe_torque_off->file.empty())
-    robot.safe_torque_off->file = absolute_path(robot.safe_torque_off->file, robot.file);
+  for (const WrittenPath& path : paths_of(robot)) *path.text = absolute_path(*path.text, robot.file);
   robot.record.directory = std::filesystem::absolute(robot.record.directory).lexically_normal().string();
   return robot;
 }
@@ -93,27 +126,27 @@ Node* find_by_path(Node& root, std::string_view path) {
 }
 
 std::expected<RobotConfig, std::string> parsed(std::string_view text, const std::string& name_for_messages,
-                                               bool is_recorded) {
+                                               Origin origin) {
   Problems problems(name_for_messages);
   Node root = read_document(text, Tags::refuse, problems);
-  if (is_recorded)
+  if (problems.empty()) expect_kind(root, kSchemaName, name_for_messages, problems);
+  if (!problems.empty()) return std::unexpected(problems.text());
+  if (origin == Origin::recorded)
     migrate_recorded(root);
   else
     add_base(root, name_for_messages, problems);
-  if (problems.empty() && root.kind != Node::Kind::map)
-    problems.add(root.place, "holds no robot; begin with `schema: takt.robot/1`");
   if (!problems.empty()) return std::unexpected(problems.text());
-  return robot_of(std::move(root), name_for_messages, problems);
+  return robot_of(std::move(root), name_for_messages, problems, origin);
 }
 
 }  // namespace
 
 std::expected<RobotConfig, std::string> parse(std::string_view text, const std::string& name_for_messages) {
-  return parsed(text, name_for_messages, false);
+  return parsed(text, name_for_messages, Origin::written);
 }
 
 std::expected<RobotConfig, std::string> parse_recorded(std::string_view text, const std::string& name_for_messages) {
-  return parsed(text, name_for_messages, true);
+  return parsed(text, name_for_messages, Origin::recorded);
 }
 
 std::string with_every_default(const RobotConfig& robot) {
@@ -147,7 +180,7 @@ std::expected<RobotConfig, std::string> with_overrides(const RobotConfig& robot,
     node->quoted = false;
   }
   if (!problems.empty()) return std::unexpected(problems.text());
-  return robot_of(std::move(root), robot.file, problems);
+  return robot_of(std::move(root), robot.file, problems, Origin::written);
 }
 
 std::expected<RobotConfig, std::string> load(const std::string& path) {

@@ -63,6 +63,39 @@ TEST(Load, AllProblemsAreCollectedInFileOrder) {
             "r:26:15: joints[0].limits.torque: 12 has no unit; write `12 Nm`");
 }
 
+// Goal: no folder named ~ is made, no file looked for in one. A run that was recorded in one stays readable.
+TEST(Load, AHomeFolderIsNotExpandedAndSaysSo) {
+  const auto complaint = [](std::string_view from, std::string_view to) { return parse(with(from, to), "r").error(); };
+  EXPECT_EQ(complaint("sensors:", "record: { directory: ~/runs }\nsensors:"),
+            "r:44:22: record.directory: ~ is not expanded; write /home/NAME/runs");
+  EXPECT_EQ(complaint("small.onnx", "~eva/small.onnx"),
+            "r:47:9: policy.file: ~ is not expanded; write /home/NAME/small.onnx");
+  EXPECT_EQ(complaint("small.onnx", "small.onnx\n  engine: { name: ~/engine.so }"),
+            "r:48:19: policy.engine.name: ~ is not expanded; write /home/NAME/engine.so");
+  EXPECT_TRUE(parse(with("small.onnx", "~small.onnx"), "r")) << "a name that begins so";
+  EXPECT_TRUE(parse_recorded(with("sensors:", "record: { directory: ~/runs }\nsensors:"), "r"));
+}
+
+// Of what follows from the mistake nothing else is told: not one key of the other kind.
+TEST(Load, AnotherKindOfFileHasOneLineThatSaysWhatItIsFor) {
+  const auto complaint = [](std::string_view schema) {
+    return parse(with("takt.robot/1", schema), "my/file.yaml").error();
+  };
+  EXPECT_EQ(complaint("takt.panel/1"),
+            "my/file.yaml:1:9: is a panel (takt.panel/1), not a robot file; run it: takt panel run my/file.yaml --out "
+            "DIR");
+  EXPECT_EQ(complaint("takt.scenario/1"),
+            "my/file.yaml:1:9: is a scenario (takt.scenario/1), not a robot file; play it: takt run ROBOT "
+            "--plant=--scenario=my/file.yaml");
+  EXPECT_EQ(complaint("takt.devices/1"),
+            "my/file.yaml:1:9: is a devices file (takt.devices/1), not a robot file; simulate it: takt-plant --devices "
+            "my/file.yaml");
+  EXPECT_EQ(complaint("takt.training/1"),
+            "my/file.yaml:1:9: is takt.training/1, not a robot file (takt.robot/1); name another file");
+  EXPECT_EQ(complaint("takt.robots/1"),
+            "my/file.yaml:1:9: schema: schema `takt.robots/1` is not known; did you mean `takt.robot/1`?");
+}
+
 TEST(Load, DdsIsOffUnlessAskedFor) {
   const auto silent = parse(kSmallRobot, "r");
   ASSERT_TRUE(silent.has_value()) << silent.error();
