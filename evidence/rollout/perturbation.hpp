@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a rollout may be troubled by: one table of named perturbations, each with what it does, the unit of its dose, a
-// moderate dose and the doses that make sense. A perturbation acts inside one window of virtual time; what it draws
-// comes from the rollout's seed. docs/panels.md shows the table.
+// What a rollout may be troubled by: the kinds of a panel in config/trouble/kinds.hpp. A perturbation acts inside one
+// window of virtual time; what it draws comes from the rollout's seed. docs/panels.md shows the kinds.
 #pragma once
 
 #include <array>
@@ -11,57 +10,20 @@
 #include <string_view>
 #include <vector>
 
+#include "config/trouble/kinds.hpp"
 #include "executive/contract/mono_time.hpp"
 
 namespace takt::evidence {
 
-enum class Trouble : std::uint8_t {
-  none,
-  sensor_burst,
-  sensor_dropout,
-  camera_freeze,
-  sensor_lies,
-  estimator_delay,
-  inference_stall,
-  inference_mean_shift,
-  gpu_contention,
-  queue_growth,
-  publish_delay,
-  policy_crash,
-  policy_freeze,
-  bad_actions_nan,
-  bad_actions_range,
-  wrong_joint_order,
-  scheduler_preemption,
-  cpu_hog,
-  rt_throttling,
-  can_loss,
-  can_delay,
-  bus_off,
-  feedback_frozen,
-  feedback_repeated,
-  feedback_reversed,
-  feedback_jump,
-  feedback_scale,
-  push,
-  payload,
-  friction,
-  operator_stop,
-};
-inline constexpr std::size_t kTroubleCount = 31;
+using trouble::Trouble;
 
-struct PerturbationKind {
-  Trouble trouble = Trouble::none;
-  std::string_view name;
-  std::string_view effect;
-  std::string_view unit;  // of the dose; empty: it has none
-  double moderate = 0, least = 0, most = 0;
-};
-
-// In the order of Trouble. The first is the nominal rollout.
-std::span<const PerturbationKind> perturbation_kinds();
+inline std::span<const trouble::Row> perturbation_kinds() {
+  return trouble::rows(trouble::Place::panel);
+}
 // Null: no such name.
-const PerturbationKind* find_perturbation(std::string_view name);
+inline const trouble::Row* find_perturbation(std::string_view name) {
+  return trouble::find(trouble::Place::panel, name);
+}
 
 struct Perturbation {
   Trouble trouble = Trouble::none;
@@ -112,7 +74,7 @@ class Disturbance {
   [[nodiscard]] const Strike& strike(Trouble trouble) const { return strikes_[static_cast<std::size_t>(trouble)]; }
   void add(const Perturbation& perturbation, MonoTime rollout_started);
 
-  std::array<Strike, kTroubleCount> strikes_;
+  std::array<Strike, trouble::kTroubleCount> strikes_;
   MonoTime begins_, ends_;
 };
 

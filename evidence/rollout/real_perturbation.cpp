@@ -11,76 +11,82 @@
 #include <fstream>
 #include <utility>
 
-#include "evidence/rollout/plant_scenario.hpp"
+#include "config/trouble/line.hpp"
 #include "evidence/rollout/random.hpp"
+#include "evidence/rollout/troubled_dynamics.hpp"
 #include "evidence/rollout/wake_ups.hpp"
-#include "policy_host/host_faults.hpp"
 #include "simulation/scenario.hpp"
 
 namespace takt::evidence {
 namespace {
 
-constexpr std::uint64_t kPreemptionStream = 701;
+using trouble::Place;
+using trouble::Row;
+using trouble::When;
+using trouble::Whom;
+
+constexpr std::uint64_t kPreemptionStream = 701, kLyingJointStream = 801;
 // A core that is taken for longer belongs to the hog, and the kernel's RT throttling would be what is measured.
 constexpr double kLongestPreemption_ms = 50;
 
-using Answer = std::expected<RealTrouble, std::string>;
+struct Span {
+  Duration at, length;
+};
 
-std::string_view name_of(const Perturbation& perturbation) {
-  return perturbation_kinds()[static_cast<std::size_t>(perturbation.trouble)].name;
-}
-
-Answer refuse(const Perturbation& perturbation, const std::string& why) {
-  return std::unexpected(fmt::format("{}: {}", name_of(perturbation), why));
-}
-
-std::string microseconds_text(Duration time) {
-  return fmt::format("{}us", time.ns / 1000);
+std::int64_t microseconds_of(Duration time) {
+  return time.ns / 1000;
 }
 
 Duration length_of(const Perturbation& perturbation) {
   return {std::llround(perturbation.dose * 1e6)};
 }
 
-std::string action(Duration at, const std::string& what) {
-  return microseconds_text(at) + ": " + what;
+// Every `period` of the window, from `first` in it.
+std::vector<Span> repeated(const Perturbation& perturbation, Duration first, Duration period, Duration length) {
+  std::vector<Span> spans;
+  for (Duration at = first; at < perturbation.length; at = at + period)
+    spans.push_back({perturbation.from + at, length});
+  return spans;
 }
 
-// Once per second of the window.
-std::vector<std::string> repeated(const Perturbation& perturbation, const std::string& what) {
-  std::vector<std::string> actions;
-  for (Duration at; at < perturbation.length; at = at + kRepeat)
-    actions.push_back(action(perturbation.from + at, what));
-  return actions;
-}
-
-std::vector<Duration> preemption_instants(const Perturbation& perturbation, std::uint64_t seed) {
+std::vector<Span> at_random(const Perturbation& perturbation, std::uint64_t seed) {
   Random random(seed, kPreemptionStream);
-  std::vector<Duration> instants;
+  std::vector<Span> spans;
   const auto count = static_cast<std::size_t>(std::llround(perturbation.length.seconds() * kPreemptionsPerSecond));
   for (std::size_t i = 0; i < count; ++i)
-    instants.push_back(
-        {perturbation.from.ns + std::llround(random.between(0, static_cast<double>(perturbation.length.ns)))});
-  std::ranges::sort(instants, {}, &Duration::ns);
-  return instants;
+    spans.push_back(
+        {{perturbation.from.ns + std::llround(random.between(0, static_cast<double>(perturbation.length.ns)))},
+         length_of(perturbation)});
+  std::ranges::sort(spans, {}, [](const Span& span) { return span.at.ns; });
+  return spans;
 }
 
-std::vector<Duration> hog_instants(const Perturbation& perturbation, std::uint64_t seed) {
-  const Duration first{std::llround(static_cast<double>(kHogEvery.ns) * stop_phase(seed))};
-  std::vector<Duration> instants;
-  for (Duration at = first; at < perturbation.length; at = at + kHogEvery) instants.push_back(perturbation.from + at);
-  return instants;
-}
-
-Answer hogs_at(const std::vector<Duration>& instants, const Perturbation& perturbation,
-               const config::RobotConfig& robot) {
-  if (!robot.control.cpu) return refuse(perturbation, "`control.cpu` is none, so no core is the control thread's");
-  if (perturbation.dose > kLongestPreemption_ms)
-    return refuse(perturbation, fmt::format("with real processes at most {} ms", kLongestPreemption_ms));
-  std::vector<std::string> actions;
-  for (const Duration at : instants)
-    actions.push_back(action(at, "hog control " + microseconds_text(length_of(perturbation))));
-  return RealTrouble{.actions = std::move(actions)};
+std::vector<Span> spans_of(const Perturbation& perturbation, std::uint64_t seed) {
+  const Duration dose = length_of(perturbation);
+  const auto within_the_window = [&](Duration length) {
+    std::vector<Span> spans = repeated(perturbation, {}, kRepeat, length);
+    for (Span& span : spans) span.length = std::min(span.length, perturbation.length - (span.at - perturbation.from));
+    return spans;
+  };
+  switch (row_of(perturbation.trouble).real.when) {
+    case When::window:
+      return {{perturbation.from, perturbation.length}};
+    case When::once:
+    case When::for_dose:
+      return {{perturbation.from, dose}};
+    case When::each_second:
+      return repeated(perturbation, {}, kRepeat, dose);
+    case When::each_second_within:
+      return within_the_window(dose);
+    case When::push_each_second:
+      return within_the_window(kPushLength);
+    case When::each_tenth_of_a_second:
+      return repeated(perturbation, {std::llround(static_cast<double>(kHogEvery.ns) * stop_phase(seed))}, kHogEvery,
+                      dose);
+    case When::at_random:
+      return at_random(perturbation, seed);
+  }
+  return {};
 }
 
 // Milliseconds of every second that the kernel keeps for ordinary processes; 0: none.
@@ -91,120 +97,165 @@ double kernel_keeps_ms() {
   return period_us > 0 && runtime_us >= 0 ? 1e3 * (period_us - runtime_us) / period_us : 0;
 }
 
-Answer throttling(const Perturbation& perturbation, const config::RobotConfig& robot) {
-  if (!robot.control.cpu) return refuse(perturbation, "`control.cpu` is none, so no core is the control thread's");
+std::string refused_by_kernel(double dose_ms) {
   const double keeps_ms = kernel_keeps_ms();
-  if (keeps_ms <= 0)
-    return refuse(perturbation, "this kernel lets real-time threads have everything (kernel.sched_rt_runtime_us)");
-  if (std::abs(perturbation.dose - keeps_ms) > 0.5)
-    return refuse(perturbation, fmt::format("this kernel keeps {} ms of every second for ordinary processes "
-                                            "(kernel.sched_rt_runtime_us); no other dose is to be had",
-                                            keeps_ms));
-  return RealTrouble{
-      .actions = {action(perturbation.from, "throttle control " + microseconds_text(perturbation.length))}};
+  if (keeps_ms <= 0) return "this kernel lets real-time threads have everything (kernel.sched_rt_runtime_us)";
+  if (std::abs(dose_ms - keeps_ms) <= 0.5) return {};
+  return fmt::format(
+      "this kernel keeps {} ms of every second for ordinary processes (kernel.sched_rt_runtime_us); no other dose is "
+      "to be had",
+      keeps_ms);
 }
 
 // Which program can keep this GPU busy, only its owner knows.
-Answer gpu_load(const Perturbation& perturbation) {
+std::string without_gpu(const Perturbation& perturbation) {
   constexpr std::array kDevices{"/dev/nvidia0", "/dev/kfd", "/dev/dri/renderD128"};
   const bool has_gpu = std::ranges::any_of(kDevices, [](const char* path) { return std::filesystem::exists(path); });
-  if (!has_gpu) return refuse(perturbation, fmt::format("no GPU here: none of {}", fmt::join(kDevices, ", ")));
-  if (perturbation.load.empty())
-    return refuse(perturbation, "name the command that keeps the GPU busy, such as `load: ./burn`");
-  return RealTrouble{
-      .actions = {action(perturbation.from, fmt::format("load {} {} {}", std::llround(perturbation.dose),
-                                                        microseconds_text(perturbation.length), perturbation.load))}};
+  if (!has_gpu) return fmt::format("no GPU here: none of {}", fmt::join(kDevices, ", "));
+  return perturbation.load.empty() ? "name the command that keeps the GPU busy, such as `load: ./burn`" : "";
 }
 
-Answer crowd(const Perturbation& perturbation) {
-  const auto more = std::llround(perturbation.dose) - 1;
-  if (more < 1 || more > 64) return refuse(perturbation, "with real processes the factor is from 2 to 65");
-  return RealTrouble{.actions = {action(perturbation.from, fmt::format("crowd policy {} {}", more,
-                                                                       microseconds_text(perturbation.length)))}};
+// So many times as long: beside one, as many as it takes.
+std::int64_t copies_of(const Perturbation& perturbation) {
+  const bool is_factor = row_of(perturbation.trouble).dose.unit == "factor";
+  return std::llround(perturbation.dose) - (is_factor ? 1 : 0);
 }
 
-Answer policy_fault(const Perturbation& perturbation) {
-  const Duration dose = length_of(perturbation);
-  const std::string text = fmt::format(
-      "{} us for {} us: {} {}", perturbation.from.ns / 1000, perturbation.length.ns / 1000, name_of(perturbation),
-      perturbation.trouble == Trouble::publish_delay ? fmt::format("{} us", dose.ns / 1000)
-                                                     : fmt::format("{}", perturbation.dose));
-  if (!policy_host::parse_host_faults(std::array{text}))
-    return refuse(perturbation, "the policy host cannot do that dose; see takt-policy-host --help");
-  return RealTrouble{.policy_faults = {text}};
+std::string refused_by_crowd(const Perturbation& perturbation) {
+  const config::Range range = row_of(trouble::ActionKind::crowd).dose.range();
+  if (range.contains(static_cast<double>(copies_of(perturbation)))) return {};
+  return fmt::format("with real processes the factor is from {} to {}", range.low + 1, range.high + 1);
 }
 
-Answer stalls(const Perturbation& perturbation) {
-  if (length_of(perturbation) >= kRepeat)
-    return refuse(perturbation, "a stall per second must be shorter than a second");
-  return RealTrouble{.actions = repeated(perturbation, "hog policy " + microseconds_text(length_of(perturbation)))};
+// What stands in the way on this machine, or with this robot; empty: nothing.
+std::string obstacle(const Perturbation& perturbation, const config::RobotConfig& robot) {
+  const trouble::Real& real = row_of(perturbation.trouble).real;
+  if (real.by == Place::panel) return std::string(real.as);
+  if (real.as.ends_with(" control") && !robot.control.cpu)
+    return "`control.cpu` is none, so no core is the control thread's";
+  if (real.as == "hog control" && perturbation.dose > kLongestPreemption_ms)
+    return fmt::format("with real processes at most {} ms", kLongestPreemption_ms);
+  if (real.when == When::each_second && length_of(perturbation) >= kRepeat)
+    return "what comes once per second must be shorter than a second";
+  if (real.whom == Whom::each_sensor && simulated_sensors(robot).empty())
+    return "the simulator plays none of the robot's sensors";
+  if (real.as == "crowd policy") return refused_by_crowd(perturbation);
+  if (real.as == "throttle control") return refused_by_kernel(perturbation.dose);
+  return real.as == "load" ? without_gpu(perturbation) : "";
 }
 
-// What the simulator cannot play, its own reader refuses.
-Answer played(const Perturbation& perturbation, std::string scenario, const config::RobotConfig& robot) {
-  const auto readable = simulation::parse_scenario(scenario, "scenario", robot);
-  if (!readable) return refuse(perturbation, "the simulator cannot play it: " + readable.error());
-  return RealTrouble{.plant_scenario = std::move(scenario)};
+// In the words of the mechanism's row, times in microseconds: " 6", "4000 us".
+std::string dose_text(const Perturbation& perturbation, const Row& mechanism) {
+  const config::Dimension dimension = mechanism.dose.dimension();
+  if (dimension == config::Dimension::time) return fmt::format("{} us", microseconds_of(length_of(perturbation)));
+  if (dimension != config::Dimension::none) return fmt::format("{} {}", perturbation.dose, mechanism.dose.unit);
+  if (!mechanism.dose.whole) return fmt::format("{}", perturbation.dose);
+  return fmt::format("{}", copies_of(perturbation));
+}
+
+std::vector<std::string> actions_of(const Perturbation& perturbation, const std::vector<Span>& spans) {
+  const trouble::Real& real = row_of(perturbation.trouble).real;
+  const Row& mechanism = *trouble::find(Place::run, real.as.substr(0, real.as.find(' ')));
+  std::vector<std::string> actions;
+  for (const Span& span : spans) {
+    std::string& action = actions.emplace_back(fmt::format("{}us: {}", microseconds_of(span.at), real.as));
+    if (!mechanism.dose.unit.empty()) action += " " + dose_text(perturbation, mechanism);
+    if (mechanism.longest.ns > 0) action += fmt::format(" {}us", microseconds_of(span.length));
+    if (mechanism.takes_command) action += " " + perturbation.load;
+  }
+  if (!real.then.empty())
+    actions.push_back(fmt::format("{}us: {}", microseconds_of(perturbation.from + length_of(perturbation)), real.then));
+  return actions;
+}
+
+std::string host_fault(const Perturbation& perturbation) {
+  const Row& mechanism = *trouble::find(Place::policy_host, row_of(perturbation.trouble).real.as);
+  return fmt::format("{} us for {} us: {} {}", microseconds_of(perturbation.from), microseconds_of(perturbation.length),
+                     mechanism.name, dose_text(perturbation, mechanism));
+}
+
+// As keys of an event: "joint: elbow, ". The body has none.
+std::vector<std::string> targets_of(Whom whom, const config::RobotConfig& robot, std::uint64_t seed) {
+  std::vector<std::string> keys;
+  if (whom == Whom::each_joint)
+    for (const config::Joint& joint : robot.joints) keys.push_back("joint: " + joint.name + ", ");
+  if (whom == Whom::one_joint) keys.push_back("joint: " + robot.joints[lying_joint(robot, seed)].name + ", ");
+  if (whom == Whom::each_bus)
+    for (const config::Bus& bus : robot.buses) keys.push_back("bus: " + bus.name + ", ");
+  if (whom == Whom::first_bus) keys.push_back("bus: " + robot.buses.front().name + ", ");
+  if (whom == Whom::each_sensor)
+    for (const std::string& name : simulated_sensors(robot)) keys.push_back("sensor: " + name + ", ");
+  if (whom == Whom::body) keys.emplace_back();
+  return keys;
+}
+
+// Text of a scenario file, times since the drives were enabled.
+std::string scenario_of(const Perturbation& perturbation, const std::vector<Span>& spans,
+                        const config::RobotConfig& robot, std::uint64_t seed) {
+  const trouble::Real& real = row_of(perturbation.trouble).real;
+  const Row& mechanism = *trouble::find(Place::plant, real.as);
+  const bool is_plain = mechanism.dose.unit.empty();
+  const std::string what =
+      is_plain ? fmt::format("fault: {}", real.as) : fmt::format("{}: {}", real.as, dose_text(perturbation, mechanism));
+  std::string text = "schema: takt.scenario/1\nevents:\n";
+  for (const std::string& target : targets_of(real.whom, robot, seed)) {
+    std::int64_t turn = 0;
+    for (const Span& span : spans) {
+      std::string body;
+      if (real.when == When::push_each_second)
+        body = fmt::format(", along: [{}]", fmt::join(push_direction(seed, ++turn), ", "));
+      if (!perturbation.body.empty()) body += ", body: " + perturbation.body;
+      text += fmt::format("  - {{ after: enabled, at: {} us, {}{}{}, for: {} us }}\n", microseconds_of(span.at), target,
+                          what, body, microseconds_of(span.length));
+    }
+  }
+  return text;
+}
+
+// What its mechanism cannot do, that one's own reader refuses.
+std::string unreadable(const RealTrouble& trouble, const config::RobotConfig& robot) {
+  for (const std::string& action : trouble.actions)
+    if (const auto read = trouble::parse_line(action, Place::run); !read)
+      return "`takt run` cannot do it: " + read.error();
+  for (const std::string& fault : trouble.policy_faults)
+    if (const auto read = trouble::parse_line(fault, Place::policy_host); !read)
+      return "the policy host cannot do it: " + read.error();
+  if (trouble.plant_scenario.empty()) return {};
+  const auto read = simulation::parse_scenario(trouble.plant_scenario, "scenario", robot);
+  return read ? "" : "the simulator cannot play it: " + read.error();
 }
 
 }  // namespace
 
+std::size_t lying_joint(const config::RobotConfig& robot, std::uint64_t seed) {
+  std::vector<std::size_t> driven;
+  for (std::size_t j = 0; j < robot.joints.size(); ++j)
+    if (!robot.joints[j].passive) driven.push_back(j);
+  Random draw(simulation::seed_for(seed, kLyingJointStream), 0);
+  return driven[draw.below(driven.size())];
+}
+
+std::vector<std::string> simulated_sensors(const config::RobotConfig& robot) {
+  std::vector<std::string> names;
+  if (!robot.simulation) return names;
+  if (!robot.simulation->camera_sensor.empty()) names.push_back(robot.simulation->camera_sensor);
+  if (robot.imu && robot.simulation->mujoco) names.push_back(robot.imu->sensor);
+  return names;
+}
+
 std::expected<RealTrouble, std::string> real_trouble_of(const Perturbation& perturbation,
                                                         const config::RobotConfig& robot, std::uint64_t seed) {
-  if (!perturbation.with.empty()) return refuse(perturbation, "its `with` acts in virtual time only");
-  const Duration from = perturbation.from, dose = length_of(perturbation);
-  switch (perturbation.trouble) {
-    case Trouble::none:
-      return RealTrouble{};
-    case Trouble::policy_crash:
-      return RealTrouble{.actions = {action(from, "kill policy"), action(from + dose, "start policy")}};
-    case Trouble::policy_freeze:
-      return RealTrouble{.actions = {action(from, "freeze policy " + microseconds_text(dose))}};
-    case Trouble::inference_stall:
-      return stalls(perturbation);
-    case Trouble::inference_mean_shift:
-      return crowd(perturbation);
-    case Trouble::scheduler_preemption:
-      return hogs_at(preemption_instants(perturbation, seed), perturbation, robot);
-    case Trouble::cpu_hog:
-      return hogs_at(hog_instants(perturbation, seed), perturbation, robot);
-    case Trouble::rt_throttling:
-      return throttling(perturbation, robot);
-    case Trouble::can_loss:
-    case Trouble::can_delay:
-    case Trouble::bus_off:
-      return played(perturbation, bus_scenario(perturbation, robot), robot);
-    case Trouble::feedback_frozen:
-    case Trouble::feedback_repeated:
-    case Trouble::feedback_reversed:
-    case Trouble::feedback_jump:
-    case Trouble::feedback_scale:
-      return played(perturbation, feedback_scenario(perturbation, robot, seed), robot);
-    case Trouble::sensor_burst:
-    case Trouble::sensor_dropout:
-    case Trouble::camera_freeze:
-    case Trouble::sensor_lies:
-      if (simulated_sensors(robot).empty())
-        return refuse(perturbation, "the simulator plays none of the robot's sensors");
-      return played(perturbation, sensor_scenario(perturbation, robot), robot);
-    case Trouble::push:
-    case Trouble::payload:
-    case Trouble::friction:
-      return played(perturbation, body_scenario(perturbation, seed), robot);
-    case Trouble::queue_growth:
-    case Trouble::publish_delay:
-    case Trouble::bad_actions_nan:
-    case Trouble::bad_actions_range:
-    case Trouble::wrong_joint_order:
-      return policy_fault(perturbation);
-    case Trouble::estimator_delay:
-      return refuse(perturbation, "the executive decodes replies itself, and nothing outside can make it slower");
-    case Trouble::gpu_contention:
-      return gpu_load(perturbation);
-    case Trouble::operator_stop:
-      return RealTrouble{.actions = {action(from, "stop")}};
-  }
-  return RealTrouble{};
+  const Row& row = row_of(perturbation.trouble);
+  const auto refuse = [&row](std::string_view why) { return std::unexpected(fmt::format("{}: {}", row.name, why)); };
+  if (!perturbation.with.empty()) return refuse("its `with` acts in virtual time only");
+  if (const std::string why = obstacle(perturbation, robot); !why.empty()) return refuse(why);
+  const std::vector<Span> spans = spans_of(perturbation, seed);
+  RealTrouble made;
+  if (row.real.by == Place::run) made.actions = actions_of(perturbation, spans);
+  if (row.real.by == Place::policy_host) made.policy_faults = {host_fault(perturbation)};
+  if (row.real.by == Place::plant) made.plant_scenario = scenario_of(perturbation, spans, robot, seed);
+  if (const std::string why = unreadable(made, robot); !why.empty()) return refuse(why);
+  return made;
 }
 
 }  // namespace takt::evidence

@@ -12,7 +12,7 @@
 #include "evidence/rollout/operator.hpp"
 #include "evidence/rollout/outside_world.hpp"
 #include "evidence/rollout/plain_loop.hpp"
-#include "evidence/rollout/plant_scenario.hpp"
+#include "evidence/rollout/real_perturbation.hpp"
 #include "evidence/rollout/repeat_last.hpp"
 #include "evidence/rollout/rollout_measures.hpp"
 #include "evidence/rollout/sensor_feed.hpp"

@@ -28,7 +28,7 @@ constexpr std::int64_t kMostSeed = (std::int64_t{1} << 53) - 1;  // every reader
 
 std::vector<std::string_view> perturbation_names() {
   std::vector<std::string_view> names;
-  for (const evidence::PerturbationKind& kind : evidence::perturbation_kinds()) names.push_back(kind.name);
+  for (const trouble::Row& kind : evidence::perturbation_kinds()) names.push_back(kind.name);
   return names;
 }
 
@@ -84,13 +84,13 @@ void describe_method(Fields& fields, PanelMethod& method) {
 
 void describe_trouble(Fields& fields, PanelPerturbation& one, const Panel& panel) {
   fields.one_of({"kind", "name in the table of perturbations"}, one.kind, perturbation_names(), "perturbation");
-  const evidence::PerturbationKind* const kind = evidence::find_perturbation(one.kind);
+  const trouble::Row* const kind = evidence::find_perturbation(one.kind);
   if (kind == nullptr) return;
-  one.dose = kind->moderate;
+  one.dose = kind->dose.moderate;
   one.from = panel.window_from;
   one.length = panel.window_length;
   fields.quantity({"dose", "in the perturbation's own unit", "the moderate one", true}, one.dose, Dimension::none,
-                  config::between(kind->least, kind->most));
+                  config::between(kind->dose.least, kind->dose.most));
   fields.duration({"from", "start of its window", "window.from", true}, one.from, {}, kLongest);
   fields.duration({"for", "length of its window", "window.for", true}, one.length, {}, kLongest);
   fields.text({"body", "push and payload: which body of the robot's MJCF", "the tool, or the root", true}, one.body);
@@ -102,7 +102,7 @@ void describe_perturbation(Fields& fields, PanelPerturbation& one, const Panel& 
   fields.text({"load", "gpu_contention with --real-time: command that keeps the GPU busy", "none", true}, one.load);
   fields.references({"tasks", "which tasks it troubles; empty: every one", "[]"}, one.tasks, evidence::kTaskNames,
                     "task");
-  fields.each({"with", "what acts besides, each in a window of its own", "[]"}, one.with, evidence::kTroubleCount,
+  fields.each({"with", "what acts besides, each in a window of its own", "[]"}, one.with, trouble::kTroubleCount,
               [&](Fields& f, PanelPerturbation& besides) { describe_trouble(f, besides, panel); });
 }
 
@@ -254,7 +254,8 @@ std::string PanelPerturbation::name() const {
 }
 
 evidence::Perturbation PanelPerturbation::resolved() const {
-  evidence::Perturbation made{evidence::find_perturbation(kind)->trouble, dose, from, length, load, body, {}};
+  evidence::Perturbation made{
+      evidence::find_perturbation(kind)->as<evidence::Trouble>(), dose, from, length, load, body, {}};
   for (const PanelPerturbation& besides : with) made.with.push_back(besides.resolved());
   return made;
 }

@@ -32,13 +32,13 @@ inline policy_host::Policy& arm_policy() {
 
 // 5 s; the perturbation acts from 2 s to 4 s, the last 3 s are scored.
 inline evidence::RolloutSetup setup(std::string_view perturbation = "none", std::uint64_t seed = 1) {
-  const evidence::PerturbationKind* const kind = evidence::find_perturbation(perturbation);
+  const trouble::Row* const kind = evidence::find_perturbation(perturbation);
   if (kind == nullptr) throw std::runtime_error("no such perturbation: " + std::string(perturbation));
   return {.robot = arm(),
           .policy = arm_policy(),
           .policy_hash = *config::policy_hash(arm().policy->file),
           .timing = {},
-          .perturbation = {kind->trouble, kind->moderate, seconds(2), seconds(2)},
+          .perturbation = {kind->as<evidence::Trouble>(), kind->dose.moderate, seconds(2), seconds(2)},
           .seed = seed,
           .duration = seconds(5),
           .scored = seconds(3),

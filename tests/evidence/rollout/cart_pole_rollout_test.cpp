@@ -51,21 +51,22 @@ const config::RobotConfig& blind_robot() {
 
 // 8 s; the perturbation acts from 3 s to 5 s, the last 2 s are scored.
 evidence::RolloutRow run(std::string_view perturbation, double dose, std::uint64_t seed, bool blind = false) {
-  const evidence::PerturbationKind* const kind = evidence::find_perturbation(perturbation);
+  const trouble::Row* const kind = evidence::find_perturbation(perturbation);
   const config::RobotConfig& robot = blind ? blind_robot() : robot_file();
   evidence::RolloutRow row;
-  const auto done = evidence::run_rollout({.robot = robot,
-                                           .policy = policy(),
-                                           .policy_hash = *config::policy_hash(robot.policy->file),
-                                           .task = evidence::Task::cart_pole_balance,
-                                           .timing = {},
-                                           .repeat_last = blind,
-                                           .perturbation = {kind->trouble, dose, seconds(3), seconds(2)},
-                                           .seed = seed,
-                                           .duration = seconds(8),
-                                           .scored = seconds(2),
-                                           .bound_m = 0.4},
-                                          row);
+  const auto done =
+      evidence::run_rollout({.robot = robot,
+                             .policy = policy(),
+                             .policy_hash = *config::policy_hash(robot.policy->file),
+                             .task = evidence::Task::cart_pole_balance,
+                             .timing = {},
+                             .repeat_last = blind,
+                             .perturbation = {kind->as<evidence::Trouble>(), dose, seconds(3), seconds(2)},
+                             .seed = seed,
+                             .duration = seconds(8),
+                             .scored = seconds(2),
+                             .bound_m = 0.4},
+                            row);
   if (!done) throw std::runtime_error(done.error());
   return row;
 }

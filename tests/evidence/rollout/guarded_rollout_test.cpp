@@ -101,8 +101,8 @@ class GuardedRollout : public testing::TestWithParam<const char*> {};
 TEST_P(GuardedRollout, NothingIsRefused) {
   const config::RobotConfig robot = config::load(std::string("config/") + GetParam() + ".yaml").value();
   const evidence::Task task = evidence::task_of(robot);
-  for (const evidence::PerturbationKind& kind : evidence::perturbation_kinds()) {
-    const Guarded guarded = run(robot, task, {kind.trouble, kind.most, seconds(2), seconds(1)});
+  for (const trouble::Row& kind : evidence::perturbation_kinds()) {
+    const Guarded guarded = run(robot, task, {kind.as<evidence::Trouble>(), kind.dose.most, seconds(2), seconds(1)});
     for (const auto& [what, count] : guarded.refusals) ADD_FAILURE() << kind.name << ": " << what << ", " << count;
     EXPECT_GT(guarded.enabled_ticks, static_cast<std::uint64_t>(seconds(1).ns / robot.control.period.ns))
         << kind.name << ": little was guarded";

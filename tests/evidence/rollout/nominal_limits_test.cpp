@@ -57,7 +57,7 @@ TEST_P(NominalLimits, AreTouchedInOnePercentOfJointTicksAtMost) {
          .policy = **policy,
          .policy_hash = *config::policy_hash(robot->policy->file),
          .timing = {},
-         .perturbation = {evidence::find_perturbation("none")->trouble, 0, seconds(1), seconds(1)},
+         .perturbation = {evidence::find_perturbation("none")->as<evidence::Trouble>(), 0, seconds(1), seconds(1)},
          .seed = seed,
          .duration = seconds(8),
          .scored = seconds(3),

@@ -260,12 +260,12 @@ TEST(Perturbation, EachTroubleKeepsItsOwnInstants) {
 }
 
 TEST(Perturbation, EveryRowOfTheTableHasAClaim) {
-  for (const evidence::PerturbationKind& kind : evidence::perturbation_kinds().subspan(1)) {
+  for (const trouble::Row& kind : evidence::perturbation_kinds().subspan(1)) {
     EXPECT_EQ(
         std::ranges::count(kClaims, kind.name, [](const Claim& claim) { return std::string_view(claim.perturbation); }),
         1)
         << kind.name;
-    EXPECT_TRUE(kind.least <= kind.moderate && kind.moderate <= kind.most) << kind.name;
+    EXPECT_TRUE(kind.dose.least <= kind.dose.moderate && kind.dose.moderate <= kind.dose.most) << kind.name;
   }
 }
 

@@ -10,7 +10,6 @@
 
 #include "cli/run/scenario.hpp"
 #include "config/load.hpp"
-#include "evidence/rollout/plant_scenario.hpp"
 #include "evidence/rollout/troubled_dynamics.hpp"
 #include "policy_host/host_faults.hpp"
 #include "simulation/scenario.hpp"
@@ -25,8 +24,8 @@ class RealPerturbation : public ::testing::Test {
     ASSERT_TRUE(robot.has_value()) << robot.error();
     robot_ = std::move(*robot);
   }
-  static evidence::Perturbation moderate(const evidence::PerturbationKind& kind) {
-    return {kind.trouble, kind.moderate, seconds(3), seconds(2)};
+  static evidence::Perturbation moderate(const trouble::Row& kind) {
+    return {kind.as<evidence::Trouble>(), kind.dose.moderate, seconds(3), seconds(2)};
   }
   std::vector<cli::Event> events_of(const evidence::Perturbation& perturbation, std::uint64_t seed = 1) {
     const auto trouble = evidence::real_trouble_of(perturbation, robot_, seed);
@@ -44,8 +43,8 @@ bool is_refused(evidence::Trouble trouble) {
 }
 
 TEST_F(RealPerturbation, EveryMechanismIsUnderstoodAndActsInsideItsWindow) {
-  for (const evidence::PerturbationKind& kind : evidence::perturbation_kinds().subspan(1)) {
-    if (is_refused(kind.trouble)) continue;
+  for (const trouble::Row& kind : evidence::perturbation_kinds().subspan(1)) {
+    if (is_refused(kind.as<evidence::Trouble>())) continue;
     const auto trouble = evidence::real_trouble_of(moderate(kind), robot_, 1);
     ASSERT_TRUE(trouble.has_value()) << kind.name << ": " << trouble.error();
     EXPECT_EQ(!trouble->actions.empty() + !trouble->plant_scenario.empty() + !trouble->policy_faults.empty(), 1)
@@ -73,8 +72,8 @@ TEST_F(RealPerturbation, EveryMechanismIsUnderstoodAndActsInsideItsWindow) {
 }
 
 TEST_F(RealPerturbation, WhatHasNoMechanismIsRefusedByName) {
-  for (const evidence::PerturbationKind& kind : evidence::perturbation_kinds()) {
-    if (!is_refused(kind.trouble)) continue;
+  for (const trouble::Row& kind : evidence::perturbation_kinds()) {
+    if (!is_refused(kind.as<evidence::Trouble>())) continue;
     const auto trouble = evidence::real_trouble_of(moderate(kind), robot_, 1);
     ASSERT_FALSE(trouble.has_value()) << kind.name;
     EXPECT_EQ(trouble.error().find(std::string(kind.name) + ": "), 0U) << trouble.error();
@@ -173,6 +172,14 @@ TEST_F(RealPerturbation, DosesThatNoRealMachineCanTakeAreRefused) {
   EXPECT_TRUE(refused(evidence::Trouble::publish_delay, 0));
   EXPECT_TRUE(refused(evidence::Trouble::can_delay, 2000)) << "the simulator delays by a second at most";
   EXPECT_FALSE(refused(evidence::Trouble::scheduler_preemption, 50));
+  EXPECT_FALSE(refused(evidence::Trouble::inference_mean_shift, 65));
+  EXPECT_EQ(evidence::real_trouble_of({evidence::Trouble::inference_mean_shift, 66, seconds(3), seconds(2)}, robot_, 1)
+                .error(),
+            "inference_mean_shift: with real processes the factor is from 2 to 65");
+  EXPECT_EQ(
+      evidence::real_trouble_of({evidence::Trouble::queue_growth, 201, seconds(3), seconds(2)}, robot_, 1).error(),
+      "queue_growth: the policy host cannot do it: 201 callbacks is out of range; `queue_growth` takes 1 to 200 "
+      "callbacks; write 'TIME for LENGTH: queue_growth CALLBACKS'");
   robot_.control.cpu.reset();
   EXPECT_TRUE(refused(evidence::Trouble::scheduler_preemption, 8));
 }

@@ -76,7 +76,7 @@ class VisionRollout : public testing::Test {
         .policy_hash = 1,
         .task = evidence::Task::world,
         .timing = {},
-        .perturbation = {evidence::find_perturbation(trouble)->trouble, dose, seconds(2), seconds(2)},
+        .perturbation = {evidence::find_perturbation(trouble)->as<evidence::Trouble>(), dose, seconds(2), seconds(2)},
         .seed = seed,
         .duration = seconds(5),
         .scored = seconds(1),

@@ -34,7 +34,7 @@ evidence::RolloutRow run(const config::RobotConfig& robot, std::string_view pert
        .policy = **policy,
        .policy_hash = *config::policy_hash(robot.policy->file),
        .timing = timing,
-       .perturbation = {evidence::find_perturbation(perturbation)->trouble, dose, seconds(1), lasting},
+       .perturbation = {evidence::find_perturbation(perturbation)->as<evidence::Trouble>(), dose, seconds(1), lasting},
        .seed = seed,
        .duration = seconds(5),
        .scored = seconds(2),

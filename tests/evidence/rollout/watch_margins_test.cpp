@@ -116,20 +116,21 @@ TEST_P(WatchMargins, SuspectNothingInHealthyRobots) {
     for (std::uint64_t seed = 1; seed <= 2; ++seed) {
       margins.begin();
       evidence::RolloutRow row;
-      const auto done = evidence::run_rollout(
-          {.robot = *robot,
-           .policy = **policy,
-           .policy_hash = 1,
-           .fallback = fallback->get(),
-           .task = walk.task,
-           .timing = {},
-           .perturbation = {evidence::find_perturbation(trouble.what)->trouble, trouble.dose, seconds(4), seconds(2)},
-           .seed = seed,
-           .duration = seconds(8),
-           .scored = seconds(2),
-           .bound_m = 0.4,
-           .on_tick = [&](const TickRecord& record) { margins.take(record); }},
-          row);
+      const auto done =
+          evidence::run_rollout({.robot = *robot,
+                                 .policy = **policy,
+                                 .policy_hash = 1,
+                                 .fallback = fallback->get(),
+                                 .task = walk.task,
+                                 .timing = {},
+                                 .perturbation = {evidence::find_perturbation(trouble.what)->as<evidence::Trouble>(),
+                                                  trouble.dose, seconds(4), seconds(2)},
+                                 .seed = seed,
+                                 .duration = seconds(8),
+                                 .scored = seconds(2),
+                                 .bound_m = 0.4,
+                                 .on_tick = [&](const TickRecord& record) { margins.take(record); }},
+                                row);
       ASSERT_TRUE(done) << done.error();
       EXPECT_TRUE(row.success) << trouble.what << ", seed " << seed << ": " << row.failure_label;
     }

@@ -60,8 +60,7 @@ TEST(Confusion, IsSilentWhereNothingWasPlanted) {
 
 TEST(Confusion, EveryPlantingPerturbationExists) {
   std::size_t planting = 0;
-  for (const evidence::PerturbationKind& kind : evidence::perturbation_kinds())
-    planting += planted_faults(kind.name).size();
+  for (const trouble::Row& kind : evidence::perturbation_kinds()) planting += planted_faults(kind.name).size();
   EXPECT_EQ(planting, 20U);
   EXPECT_TRUE(planted_faults("none").empty());
 }
