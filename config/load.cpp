@@ -75,7 +75,10 @@ void refuse_home_folders(RobotConfig& robot, Checker& checker) {
       checker.require(false, key, "~ is not expanded; write /home/NAME" + text->substr(slash));
 }
 
-enum class Origin : std::uint8_t { written, recorded };  // the latter: of a run folder, whose paths were taken as they are
+enum class Origin : std::uint8_t {
+  written,
+  recorded
+};  // the latter: of a run folder, whose paths were taken as they are
 
 std::expected<RobotConfig, std::string> robot_of(Node root, const std::string& name_for_messages, Problems& problems,
                                                  Origin origin) {
