@@ -151,6 +151,8 @@ nlohmann::json status_json(const StatusSnapshot& status, const IncidentNote& inc
   json.update({{"overruns", monitor::counts_json<OverrunCause>(status.overruns, 1)},
                {"arrivals", monitor::counts_json<Arrival>(status.arrivals, 1)},
                {"incident", incident_json(incident)},
+               {"drive_count", status.drive_count},
+               {"enabled_drives", status.enabled_drives},
                {"policy_pid", status.policy_pids[Seat::policy]},
                {"fallback_pid", status.policy_pids[Seat::fallback]},
                {"fallback_freshness", name(tick.seats[Seat::fallback].freshness)},

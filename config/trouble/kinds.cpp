@@ -291,7 +291,7 @@ std::string form(const Row& row) {
 std::string forms(Place place) {
   std::vector<std::string> all;
   for (const Row& row : rows(place)) all.push_back(form(row));
-  return fmt::format("{}", fmt::join(all, ", "));
+  return fmt::format("{}", fmt::join(all, "; "));
 }
 
 std::string known_kinds(Place place, std::string_view name) {

@@ -179,7 +179,7 @@ inline const Row& row_of(Trouble kind) {
   return rows(Place::panel)[static_cast<std::size_t>(kind)];
 }
 
-// "hog control|policy DURATION": how it is written in a line; of all kinds of the place, with commas.
+// "hog control|policy DURATION": how it is written in a line; of all kinds of the place, with semicolons.
 std::string form(const Row& row);
 std::string forms(Place place);
 // What an unknown name is answered with: the place's kinds, and where it is one.

@@ -63,8 +63,8 @@ TEST(TroubleLine, EveryKindIsTakenAsItIsTold) {
 
 TEST(TroubleLine, SaysWhatIsWrongAndHowToWriteIt) {
   const std::string actions =
-      "freeze PROCESS DURATION, kill PROCESS, start PROCESS, hog control|policy DURATION, throttle control DURATION, "
-      "crowd policy COPIES DURATION, load COPIES DURATION COMMAND, arm, stop, reset";
+      "freeze PROCESS DURATION; kill PROCESS; start PROCESS; hog control|policy DURATION; throttle control DURATION; "
+      "crowd policy COPIES DURATION; load COPIES DURATION COMMAND; arm; stop; reset";
   const std::string freeze = "; write 'TIME: freeze PROCESS DURATION'";
   const std::string delay = "; write 'TIME for LENGTH: publish_delay TIME'";
   const std::string growth = "; write 'TIME for LENGTH: queue_growth CALLBACKS'";
@@ -85,7 +85,7 @@ TEST(TroubleLine, SaysWhatIsWrongAndHowToWriteIt) {
       {Place::policy_host, "3 s for 1 s: bus_off",
        "`bus_off` is written in a scenario of takt-plant; here stands one of: publish_delay, queue_growth, "
        "bad_actions_nan, bad_actions_range, wrong_joint_order"},
-      {Place::run, "8: freeze policy 1s", "8 has no unit; write `8 ms`" + freeze},
+      {Place::run, "8: freeze policy 1s", "8 has no unit; write `8 ms` or `8 s`" + freeze},
       {Place::run, "soon: freeze policy 1s",
        "`soon` is not a time; write a number and ns or us or ms or s or min or h" + freeze},
       {Place::run, "-1s: freeze policy 1s", "-1 s is out of range; write a time up to 1000000000 s" + freeze},
@@ -109,7 +109,7 @@ TEST(TroubleLine, SaysWhatIsWrongAndHowToWriteIt) {
       {Place::run, "1s: load 2 400ms", "`load` lacks its command; write 'TIME: load COPIES DURATION COMMAND'"},
       {Place::policy_host, "3 s for 2 s: publish_delay", "`publish_delay` lacks its dose" + delay},
       {Place::policy_host, "3 s: publish_delay 100 ms", "`publish_delay` lacks its length" + delay},
-      {Place::policy_host, "3 s for 2 s: publish_delay 100", "100 has no unit; write `100 ms`" + delay},
+      {Place::policy_host, "3 s for 2 s: publish_delay 100", "100 has no unit; write `100 ms` or `100 s`" + delay},
       {Place::policy_host, "3 s for 2 s: publish_delay 0 ms",
        "0 ms is out of range; `publish_delay` takes more than 0 to 10000 ms" + delay},
       {Place::policy_host, "3 s for 2 s: publish_delay 100 N",
