@@ -5,6 +5,7 @@
 
 #include "config/checks.hpp"
 #include "config/document.hpp"
+#include "config/file_kind.hpp"
 #include "config/reader.hpp"
 #include "config/schema.hpp"
 #include "executive/contract/joints.hpp"
@@ -43,8 +44,7 @@ std::expected<config::RobotConfig, std::string> parse_devices(std::string_view t
                                                               const std::string& name_for_messages) {
   config::Problems problems(name_for_messages);
   const config::Node root = config::read_document(text, config::Tags::refuse, problems);
-  if (problems.empty() && root.kind != config::Node::Kind::map)
-    problems.add(root.place, "holds no devices; begin with `schema: takt.devices/1`");
+  if (problems.empty()) config::expect_kind(root, kSchemas[0], name_for_messages, problems);
   if (!problems.empty()) return std::unexpected(problems.text());
 
   config::RobotConfig robot;

@@ -106,7 +106,7 @@ void MoteusDevice::receive(const drivers::CanFrame& frame, MonoTime now, Frames&
   out.push_back(reply);
 }
 
-// One subframe. False: the end, or nonsense.
+// One subframe. False: the end, or invalid.
 bool MoteusDevice::obey(Bytes& bytes, drivers::CanFrame& reply, bool& mode_written) {
   const auto head = bytes.byte();
   if (!head) return false;

@@ -10,6 +10,7 @@
 
 #include "config/checks.hpp"
 #include "config/document.hpp"
+#include "config/file_kind.hpp"
 #include "config/reader.hpp"
 #include "config/schema.hpp"
 #include "drivers/protocol/protocol_table.hpp"
@@ -215,8 +216,7 @@ std::expected<Scenario, std::string> parse_scenario(std::string_view text, const
                                                     const config::RobotConfig& robot) {
   config::Problems problems(name_for_messages);
   const config::Node root = config::read_document(text, config::Tags::refuse, problems);
-  if (problems.empty() && root.kind != config::Node::Kind::map)
-    problems.add(root.place, "holds no scenario; begin with `schema: takt.scenario/1`");
+  if (problems.empty()) config::expect_kind(root, kSchemas[0], name_for_messages, problems);
   if (!problems.empty()) return std::unexpected(problems.text());
 
   Names names{config::joint_names(robot), {}, {}};

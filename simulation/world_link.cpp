@@ -95,7 +95,7 @@ std::string_view name(WorldEndKind kind) {
       return "hung";
     case WorldEndKind::died:
       return "died";
-    case WorldEndKind::nonsense:
+    case WorldEndKind::invalid_answer:
       return "nonsense";
     case WorldEndKind::unable:
       return "unable";
@@ -177,21 +177,22 @@ std::expected<void, WorldEnd> WorldLink::greet(const Robot& robot, MonoTime dead
   if (auto ended = receive_by_socket(room_of(welcome), deadline)) return std::unexpected(*ended);
   name_ = text_of(welcome.world);
   if (const auto why = mismatch(hello.header, welcome.header, TAKT_WORLD_WELCOME, sizeof welcome); !why.empty())
-    return std::unexpected(end(WorldEndKind::nonsense, why));
+    return std::unexpected(end(WorldEndKind::invalid_answer, why));
   if (welcome.refusal[0] != '\0') return std::unexpected(end(WorldEndKind::refused, text_of(welcome.refusal)));
   gives_ = welcome.gives;
   sensor_ = text_of(welcome.sensor);
   sensor_count_ = sensor_.empty() ? 0 : welcome.sensor_count;
   if (!sensor_.empty() && (sensor_count_ < 1 || sensor_count_ > TAKT_WORLD_MAX_VALUES))
-    return std::unexpected(end(WorldEndKind::nonsense, fmt::format("sensor {} of {} values; it has from 1 to {}",
-                                                                   sensor_, sensor_count_, TAKT_WORLD_MAX_VALUES)));
+    return std::unexpected(
+        end(WorldEndKind::invalid_answer,
+            fmt::format("sensor {} of {} values; it has from 1 to {}", sensor_, sensor_count_, TAKT_WORLD_MAX_VALUES)));
   if (auto ended = accept_cameras(welcome)) return std::unexpected(*ended);
   return {};
 }
 
 std::optional<WorldEnd> WorldLink::accept_cameras(const takt_world_welcome& welcome) {
   if (welcome.camera_count > TAKT_WORLD_MAX_CAMERAS)
-    return end(WorldEndKind::nonsense,
+    return end(WorldEndKind::invalid_answer,
                fmt::format("{} cameras; it has at most {}", welcome.camera_count, TAKT_WORLD_MAX_CAMERAS));
   for (const takt_world_camera& said : std::span(welcome.cameras).first(welcome.camera_count)) {
     const std::string sensor = text_of(said.name);
@@ -254,7 +255,7 @@ std::expected<takt_world_state, WorldEnd> WorldLink::ask(std::span<const std::by
                                      : receive_by_socket(room_of(state), deadline);
   if (!ended_) {
     const std::string why = mismatch(asked, state.header, TAKT_WORLD_STATE, sizeof state);
-    ended_ = why.empty() ? judge(state) : end(WorldEndKind::nonsense, why);
+    ended_ = why.empty() ? judge(state) : end(WorldEndKind::invalid_answer, why);
   }
   if (!ended_ && state.image_count != 0) ended_ = take_images(state, deadline);
   if (ended_) return std::unexpected(*ended_);
@@ -303,23 +304,23 @@ std::optional<WorldEnd> WorldLink::receive_by_memory(std::span<std::byte> into, 
 
 std::optional<WorldEnd> WorldLink::judge(const takt_world_state& state) const {
   if (state.outcome != TAKT_WORLD_RUNNING) return judge_outcome(state);
-  const auto nonsense = [this](const std::string& what) { return end(WorldEndKind::nonsense, what); };
+  const auto invalid = [this](const std::string& what) { return end(WorldEndKind::invalid_answer, what); };
   if (state.time_ns != static_cast<std::uint64_t>(time_.ns))
-    return nonsense(fmt::format("state of {} ns, expected {} ns", state.time_ns, time_.ns));
+    return invalid(fmt::format("state of {} ns, expected {} ns", state.time_ns, time_.ns));
   for (std::size_t joint = 0; joint < joint_count_; ++joint)
     if (!all_within({&state.q[joint], 1}, kMostTurns) || !all_within({&state.dq[joint], 1}, kMostSpeed))
-      return nonsense(fmt::format("joint {} at {} rad with {} rad/s", joint, state.q[joint], state.dq[joint]));
-  if (gives(TAKT_WORLD_POINT) && !all_within(state.point, kMostTurns)) return nonsense("controlled point is no place");
-  if (gives(TAKT_WORLD_BASE) && !all_within(state.base_position, kMostTurns)) return nonsense("the base is no place");
+      return invalid(fmt::format("joint {} at {} rad with {} rad/s", joint, state.q[joint], state.dq[joint]));
+  if (gives(TAKT_WORLD_POINT) && !all_within(state.point, kMostTurns)) return invalid("controlled point is no place");
+  if (gives(TAKT_WORLD_BASE) && !all_within(state.base_position, kMostTurns)) return invalid("the base is no place");
   if (gives(TAKT_WORLD_BASE) && !is_rotation(state.base_orientation))
-    return nonsense("the base's orientation is no rotation: its length is not 1");
+    return invalid("the base's orientation is no rotation: its length is not 1");
   if (gives(TAKT_WORLD_ERROR) && !(state.error >= 0 && state.error <= kMostTurns))
-    return nonsense(fmt::format("the task's error is {}", state.error));
-  if (const std::string why = sensor_problem(state); !why.empty()) return nonsense(why);
+    return invalid(fmt::format("the task's error is {}", state.error));
+  if (const std::string why = sensor_problem(state); !why.empty()) return invalid(why);
   if (!gives(TAKT_WORLD_IMU)) return {};
-  if (!is_rotation(state.orientation)) return nonsense("the IMU's orientation is no rotation: its length is not 1");
+  if (!is_rotation(state.orientation)) return invalid("the IMU's orientation is no rotation: its length is not 1");
   if (!all_within(state.angular_velocity, kMostSpeed) || !all_within(state.acceleration, kMostTurns))
-    return nonsense("the IMU's angular velocity or acceleration is none that a robot has");
+    return invalid("the IMU's angular velocity or acceleration is none that a robot has");
   return {};
 }
 
@@ -336,7 +337,7 @@ std::string WorldLink::sensor_problem(const takt_world_state& state) const {
 // What heads an image is copied and judged before any of its bytes is; those can be none that an image has not.
 std::optional<WorldEnd> WorldLink::take_images(const takt_world_state& state, MonoTime deadline) {
   if (state.image_count > cameras_.size())
-    return end(WorldEndKind::nonsense, fmt::format("{} images with one state", state.image_count));
+    return end(WorldEndKind::invalid_answer, fmt::format("{} images with one state", state.image_count));
   for (std::size_t i = 0; i < state.image_count; ++i) {
     takt_world_image image{};
     if (is_over_shared_memory())
@@ -344,7 +345,8 @@ std::optional<WorldEnd> WorldLink::take_images(const takt_world_state& state, Mo
                         room_of(image).begin());
     else if (auto ended = receive_by_socket(room_of(image), deadline))
       return ended;
-    if (const std::string why = image_problem(image, time_); !why.empty()) return end(WorldEndKind::nonsense, why);
+    if (const std::string why = image_problem(image, time_); !why.empty())
+      return end(WorldEndKind::invalid_answer, why);
     WorldImage& taken = images_.emplace_back(
         WorldImage{image.camera, image.sequence, {static_cast<std::int64_t>(image.time_ns)}, nullptr});
     cameras_[image.camera].seen = taken.sequence;
@@ -399,7 +401,7 @@ std::optional<WorldEnd> WorldLink::judge_outcome(const takt_world_state& state) 
     case TAKT_WORLD_UNABLE:
       return end(WorldEndKind::unable, "cannot go on" + (reason.empty() ? "" : ": " + reason));
     default:
-      return end(WorldEndKind::nonsense, fmt::format("outcome {} is none", state.outcome));
+      return end(WorldEndKind::invalid_answer, fmt::format("outcome {} is none", state.outcome));
   }
 }
 

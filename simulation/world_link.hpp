@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Takt's end of the world protocol (docs/world-protocol.md): one process of the user's plays the robot's mechanics, one
 // question and one answer at a time. What comes from it is copied once, then judged; a world that hangs, dies, answers
-// nonsense or gives up ends the link with a WorldEnd, and every later call repeats it.
+// wrongly or gives up ends the link with a WorldEnd, and every later call repeats it.
 //
 // Units: joint side, rad, rad/s, Nm. Each call blocks, at most Patience. Thread rule: one thread at a time.
 #pragma once
@@ -25,14 +25,14 @@
 namespace takt::simulation {
 
 enum class WorldEndKind : std::uint8_t {
-  absent,     // no world listened, in all the time there was
-  refused,    // it does not play this robot
-  hung,       // no answer in time
-  died,       // the connection closed
-  nonsense,   // an answer that cannot be
-  unable,     // it says that it cannot go on
-  failed,     // it says that the task is beyond help
-  succeeded,  // it says that the task is done
+  absent,          // no world listened, in all the time there was
+  refused,         // it does not play this robot
+  hung,            // no answer in time
+  died,            // the connection closed
+  invalid_answer,  // one that cannot be
+  unable,          // it says that it cannot go on
+  failed,          // it says that the task is beyond help
+  succeeded,       // it says that the task is done
 };
 std::string_view name(WorldEndKind kind);
 

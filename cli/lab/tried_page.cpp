@@ -80,10 +80,10 @@ std::string summary_of(Rows rows) {
     error = std::max(error, row.agreement->error);
   }
   std::string text = fmt::format("{} file{}, {} load", rows.size(), rows.size() == 1 ? "" : "s", loaded);
-  const char* between = ": ";
-  for (const std::string& engine : engines) text += std::exchange(between, ", ") + engine_text(rows, engine);
   if (judged > 0) text += fmt::format("; {} judged, error at most {}", judged, error_text(error));
-  return text + ".\n";
+  text += engines.empty() ? ".\n" : ":\n\n";
+  for (const std::string& engine : engines) text += "- " + engine_text(rows, engine) + "\n";
+  return text;
 }
 
 std::string folder_of(const TriedPolicy& row) {
@@ -100,7 +100,7 @@ std::string table_of(Rows rows, const std::string& folder) {
 }  // namespace
 
 std::string tried_page(Rows tried, const std::string& judge) {
-  std::string text = "# Policies tried\n\n" + summary_of(tried);
+  std::string text = "# Policies tried\n\n" + summary_of(tried) + "\n";
   text += judge.empty() ? std::string("Not judged: no ONNX Runtime was named (--onnxruntime).\n")
                         : fmt::format("Judge: ONNX Runtime {}, one thread.\n", judge);
   text += fmt::format(

@@ -128,8 +128,8 @@ ChildProcess& ChildProcess::operator=(ChildProcess&& other) noexcept {
 }
 
 ChildProcess::~ChildProcess() {
-  if (pid_ <= 0 || !alive()) return;
-  kill(pid_, SIGKILL);
+  if (pid_ <= 0 || !is_there()) return;
+  tell(SIGKILL);
   reap(0);
 }
 
@@ -164,14 +164,32 @@ void ChildProcess::signal(int number) const {
   if (pid_ > 0 && !wait_status_) kill(pid_, number);
 }
 
+// The group's number is taken as long as one process is in it, and they are this process's children once their parent
+// is gone (RobotProcesses is a subreaper).
+bool ChildProcess::is_there() {
+  if (alive()) return true;
+  if (!options_.with_its_group) return false;
+  while (waitpid(-pid_, nullptr, WNOHANG) > 0) {
+  }
+  return kill(-pid_, 0) == 0;
+}
+
+void ChildProcess::tell(int number) const {
+  if (options_.with_its_group)
+    kill(-pid_, number);
+  else
+    signal(number);
+}
+
 void ChildProcess::end(std::chrono::milliseconds limit) {
   constexpr auto kPollEvery = std::chrono::milliseconds(5);
-  signal(SIGTERM);
-  signal(SIGCONT);
-  for (auto waited = std::chrono::milliseconds(0); waited < limit && alive(); waited += kPollEvery)
+  if (pid_ <= 0 || !is_there()) return;
+  tell(SIGTERM);
+  tell(SIGCONT);
+  for (auto waited = std::chrono::milliseconds(0); waited < limit && is_there(); waited += kPollEvery)
     std::this_thread::sleep_for(kPollEvery);
-  if (!alive()) return;
-  signal(SIGKILL);
+  if (!is_there()) return;
+  tell(SIGKILL);
   reap(0);
 }
 

@@ -37,6 +37,7 @@ class ChildProcess {
     std::string log_path;                // appended to
     int parent_death_signal = 0;         // what it gets when the supervisor dies
     std::optional<PolicyPlace> place{};  // of a program that is a policy
+    bool with_its_group = false;         // what it started, as a shell script does, ends with it
   };
   // A policy's log keeps this much; what it says beyond is dropped, and counted in the log's last line.
   static constexpr std::uintmax_t kLogBudget_bytes = 8U << 20U;
@@ -50,7 +51,8 @@ class ChildProcess {
 
   // Reaps it if it died; true while it lives. Cuts a policy's log.
   bool alive();
-  // SIGTERM (and SIGCONT, in case it is frozen); SIGKILL after `limit`. Reaps it.
+  // SIGTERM (and SIGCONT, in case it is frozen); SIGKILL after `limit`. Reaps it. Of a program with its group: all of
+  // the group, also when the program itself has ended.
   void end(std::chrono::milliseconds limit);
   void signal(int number) const;  // no effect once it died
   [[nodiscard]] pid_t pid() const { return pid_; }
@@ -71,6 +73,9 @@ class ChildProcess {
  private:
   ChildProcess(Options options, pid_t pid) : options_(std::move(options)), pid_(pid) {}
   bool reap(int flags);
+  // The program, or some process of its group where that counts, is still there.
+  bool is_there();
+  void tell(int number) const;  // likewise
   void cut_log();
   Options options_;
   ipc::Descriptor log_;

@@ -150,6 +150,7 @@ std::expected<void, std::string> RobotProcesses::start_sensor(std::size_t index)
                        "--runtime-dir",
                        place_.runtime_directory};
   options.parent_death_signal = SIGTERM;
+  options.with_its_group = true;
   return start(std::move(options), sensors_[index]);
 }
 

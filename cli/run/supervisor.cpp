@@ -199,8 +199,9 @@ void Supervisor::tell_loads() const {
   const auto text = monitor::read_file(options_.place.run_directory + "/metrics.json");
   const auto metrics = text ? monitor::parse_strict(*text) : std::unexpected(text.error());
   if (!metrics || !metrics->is_object() || !metrics->contains("load_mismatches")) return;
-  for (const nlohmann::ordered_json& each : (*metrics)["load_mismatches"])
-    fmt::print(stderr, "warning: {}\n", config::printable(each.value("sentence", "")));
+  for (const nlohmann::ordered_json& each : metrics->at("load_mismatches"))
+    if (each.is_object() && each.contains("sentence") && each["sentence"].is_string())
+      fmt::print(stderr, "warning: {}\n", config::printable(each["sentence"].get<std::string>()));
 }
 
 // Of a process that failed meanwhile, of itself, and that the run went on without.

@@ -65,7 +65,7 @@ struct RolloutSetup {
   std::function<void(const std::string& why)> on_silence = {};  // of a program that ended or hung
 };
 
-// Fills everything of the row but its identity and host fields. A world that hangs, dies, answers nonsense or gives up
+// Fills everything of the row but its identity and host fields. A world that hangs, dies, answers wrongly or gives up
 // ends the rollout, and the row's failure_label says so (world_hung, world_died, ...). The error is one sentence: what
 // the robot lacks for the task, that its physics diverged, or that no world is to be had.
 std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutRow& row);

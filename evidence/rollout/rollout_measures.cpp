@@ -46,7 +46,7 @@ std::string_view label_of(simulation::WorldEndKind kind) {
       return "world_hung";
     case simulation::WorldEndKind::died:
       return "world_died";
-    case simulation::WorldEndKind::nonsense:
+    case simulation::WorldEndKind::invalid_answer:
       return "world_nonsense";
     case simulation::WorldEndKind::unable:
       return "world_unable";

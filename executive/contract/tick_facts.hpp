@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is told of a tick: each fact's one name, that of its field in the run's ticks, and its value. `--json` and ROS
-// 2's diagnostics are made of it, and /takt/status has the same names. Pure.
+// 2's diagnostics are made of it, and /takt/status has the same names. Pure; lists of names
+// allocate: not for the control thread.
 #pragma once
 
 #include <optional>

@@ -151,8 +151,8 @@ bool stays_degraded(CauseMask active, const TickConfig& config) {
 
 CauseMask of_commands(const TickState& state, MonoTime now, const TickConfig& config) {
   const FreshnessContract& contract = config.freshness;
-  const bool nonsense = is_out_of_range(state.clamped, config);
-  CauseMask active = when(nonsense || state.refusals.count() > contract.bad_command_limit, Cause::bad_commands);
+  const bool out_of_range = is_out_of_range(state.clamped, config);
+  CauseMask active = when(out_of_range || state.refusals.count() > contract.bad_command_limit, Cause::bad_commands);
   const Mode mode = state.mode.mode;
   if (mode == Mode::damped_stop) return active | when(is_fallback_spent(state, now, config), Cause::fallback_spent);
   const bool counting = mode == Mode::tracking || mode == Mode::degraded;

@@ -12,6 +12,7 @@
 
 #include "config/checks.hpp"
 #include "config/document.hpp"
+#include "config/file_kind.hpp"
 #include "config/nearest.hpp"
 #include "config/reader.hpp"
 
@@ -269,8 +270,7 @@ std::expected<Panel, std::string> load_panel(const std::string& path) {
 std::expected<Panel, std::string> panel_of(const std::string& text, const std::string& path) {
   config::Problems problems(path);
   const config::Node root = config::read_document(text, config::Tags::refuse, problems);
-  if (problems.empty() && root.kind != config::Node::Kind::map)
-    problems.add(root.place, "holds no panel; begin with `schema: takt.panel/1`");
+  if (problems.empty()) config::expect_kind(root, kPanelSchema, path, problems);
   if (!problems.empty()) return std::unexpected(problems.text());
   Panel panel;
   panel.file = path;

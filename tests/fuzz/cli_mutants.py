@@ -133,7 +133,8 @@ def finding(command, folder):
 
 
 def linked(source, target):
-    """Of 3 MiB beside a mutant all but one file stay as they are: a copy of them takes longer than the command."""
+    """Of 3 MiB beside a mutant all but one file stay as they are: a copy of them takes longer than the command. Behind the links are
+    copies, so that nothing can write into the repository."""
     try:
         os.link(source, target)
     except OSError:
@@ -145,7 +146,7 @@ def try_mutant(arguments, folder, index):
     files, beside, commands = draw.choice((model_cases if arguments.models else cases)(arguments.source))
     sound, words = draw.choice(files), list(draw.choice(commands))
     content, other = ((one.encode() if isinstance(one, str) else one.read_bytes()) for one in (sound, draw.choice(files)))
-    shutil.copytree(beside, folder, copy_function=linked, ignore=shutil.ignore_patterns("grafana", "*.hpp", "*.cpp"))
+    shutil.copytree(arguments.copies[beside], folder, copy_function=linked)
     changes_words = draw.random() < 0.15
     for _ in range(0 if changes_words else draw.choice([1, 1, 1, 2, 4, 8])):
         content = change(content, other, draw)
@@ -170,6 +171,10 @@ def main():
     parser.add_argument("--models", action="store_true")
     arguments = parser.parse_args()
     folder = pathlib.Path(tempfile.mkdtemp(prefix="takt-mutants-"))
+    arguments.copies = {}
+    for _, beside, _ in (model_cases if arguments.models else cases)(arguments.source):
+        if beside not in arguments.copies:
+            arguments.copies[beside] = shutil.copytree(beside, folder / f"copy-{len(arguments.copies)}", ignore=shutil.ignore_patterns("grafana", "*.hpp", "*.cpp"))
     indices = range(arguments.count) if arguments.only is None else [arguments.only]
     with concurrent.futures.ThreadPoolExecutor(arguments.workers) as pool:
         wrong = filter(None, pool.map(lambda index: try_mutant(arguments, folder / str(index), index), indices))

@@ -72,6 +72,11 @@ def wrong(bench):
     code, text, events = bench.run("--duration", "4s", "--sensor", "cam0=/usr/bin/python3 camera.py", "--restart", "--rearm-after", "500ms", kill_camera=True)
     if code != 0 or "sensor-cam0 restarted" not in text or of_sensor(events) != ["started", "ended", "started", "ended"]:
         return f"a restarted camera's run ended with {code}: {of_sensor(events)}\n{text}"
+    (bench.folder / "wrapped.sh").write_text("#!/bin/sh\n./camera.py \"$@\" &\necho $! >camera.pid\nwait\n")
+    (bench.folder / "wrapped.sh").chmod(0o755)
+    code, text, events = bench.run("--duration", "1s", "--sensor", "cam0=./wrapped.sh")
+    if code != 0 or pathlib.Path("/proc", (bench.folder / "camera.pid").read_text().strip()).exists():
+        return f"what a script of a sensor started outlives the run, which ended with {code}\n{text}"
     for expected, sentence, words in (
             (64, "has no sensor cam1; it has: cam0", ["cam1=./camera.py"]),
             (64, "write NAME=PROGRAM", ["cam0"]),

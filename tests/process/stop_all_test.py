@@ -85,6 +85,8 @@ def stops(programs, robots):
     assert shared in robots.log("right") and shared not in robots.log("left")
     told = ask(programs, "status", "--robot", robots.file("left")).stdout
     assert f"robot      left, {robots.file('left').resolve()}; hashes: file " in told, told
+    assert ask(programs, "status", "--robot", "left").stdout.splitlines()[-1] == told.splitlines()[-1], "a robot's name is enough"
+    assert ask(programs, "status", "--robot", "lift").returncode == 65
     asked = ask(programs, "stop")
     assert asked.returncode == 64 and "takt stop --all" in asked.stderr, asked
     left = ask(programs, "stop", "--robot", robots.file("left"))

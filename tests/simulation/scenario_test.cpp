@@ -192,8 +192,7 @@ TEST(Scenario, FilesThatAreNoScenario) {
   const config::RobotConfig robot = test::demo_arm();
   EXPECT_EQ(parse_scenario("", "s", robot).error(), "s: holds no scenario; begin with `schema: takt.scenario/1`");
   EXPECT_EQ(parse_scenario("schema: takt.robot/1\nevents: []\n", "s", robot).error(),
-            "s:1:9: schema: schema `takt.robot/1` is not known; write one of: takt.scenario/1\n"
-            "s:2:9: events: has 0 entries; write 1 to 256");
+            "s:1:9: is a robot file (takt.robot/1), not a scenario; check it: takt config check s");
   EXPECT_EQ(load_scenario("no/such.yaml", robot).error(),
             "no/such.yaml: cannot be read: No such file or directory; check the path");
 }
@@ -254,7 +253,7 @@ TEST(Devices, AreRefusedByTheNamesTheirFileUses) {
   EXPECT_EQ(complaint(devices_with("    position: 0.5 rad\n", "    stiffness: 5\n")),
             "d:9:5: unknown key `stiffness` in `devices[0]`; known here: name, bus, drive, inertia, position");
   EXPECT_EQ(complaint(devices_with("takt.devices/1", "takt.robot/1")),
-            "d:1:9: schema: schema `takt.robot/1` is not known; write one of: takt.devices/1");
+            "d:1:9: is a robot file (takt.robot/1), not a devices file; check it: takt config check d");
   EXPECT_EQ(complaint(""), "d: holds no devices; begin with `schema: takt.devices/1`");
 }
 

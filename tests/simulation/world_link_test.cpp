@@ -104,28 +104,32 @@ struct Spoilt {
 };
 const double kNaN = std::numeric_limits<double>::quiet_NaN();
 const std::vector<Spoilt> kSpoilt{
-    {"a joint that is nowhere", [](auto& s) { s.q[0] = kNaN; }, WorldEndKind::nonsense, "joint 0 at nan rad"},
-    {"a joint infinitely fast", [](auto& s) { s.dq[0] = -INFINITY; }, WorldEndKind::nonsense, "-inf rad/s"},
-    {"a joint faster than any", [](auto& s) { s.dq[0] = 1e6; }, WorldEndKind::nonsense, "1000000 rad/s"},
-    {"a state of another time", [](auto& s) { s.time_ns += 1; }, WorldEndKind::nonsense, "expected 1000000 ns"},
-    {"no rotation", [](auto& s) { s.orientation[0] = 0.9; }, WorldEndKind::nonsense, "length is not 1"},
-    {"a rotation of NaN", [](auto& s) { s.orientation[1] = kNaN; }, WorldEndKind::nonsense, "length is not 1"},
-    {"no acceleration", [](auto& s) { s.acceleration[2] = kNaN; }, WorldEndKind::nonsense, "acceleration"},
-    {"no angular velocity", [](auto& s) { s.angular_velocity[0] = kNaN; }, WorldEndKind::nonsense, "angular velocity"},
-    {"a point that is nowhere", [](auto& s) { s.point[1] = kNaN; }, WorldEndKind::nonsense, "no place"},
-    {"a base that is nowhere", [](auto& s) { s.base_position[2] = kNaN; }, WorldEndKind::nonsense, "base is no place"},
-    {"a base that is no rotation", [](auto& s) { s.base_orientation[0] = 0; }, WorldEndKind::nonsense,
+    {"a joint that is nowhere", [](auto& s) { s.q[0] = kNaN; }, WorldEndKind::invalid_answer, "joint 0 at nan rad"},
+    {"a joint infinitely fast", [](auto& s) { s.dq[0] = -INFINITY; }, WorldEndKind::invalid_answer, "-inf rad/s"},
+    {"a joint faster than any", [](auto& s) { s.dq[0] = 1e6; }, WorldEndKind::invalid_answer, "1000000 rad/s"},
+    {"a state of another time", [](auto& s) { s.time_ns += 1; }, WorldEndKind::invalid_answer, "expected 1000000 ns"},
+    {"no rotation", [](auto& s) { s.orientation[0] = 0.9; }, WorldEndKind::invalid_answer, "length is not 1"},
+    {"a rotation of NaN", [](auto& s) { s.orientation[1] = kNaN; }, WorldEndKind::invalid_answer, "length is not 1"},
+    {"no acceleration", [](auto& s) { s.acceleration[2] = kNaN; }, WorldEndKind::invalid_answer, "acceleration"},
+    {"no angular velocity", [](auto& s) { s.angular_velocity[0] = kNaN; }, WorldEndKind::invalid_answer,
+     "angular velocity"},
+    {"a point that is nowhere", [](auto& s) { s.point[1] = kNaN; }, WorldEndKind::invalid_answer, "no place"},
+    {"a base that is nowhere", [](auto& s) { s.base_position[2] = kNaN; }, WorldEndKind::invalid_answer,
+     "base is no place"},
+    {"a base that is no rotation", [](auto& s) { s.base_orientation[0] = 0; }, WorldEndKind::invalid_answer,
      "base's orientation is no rotation"},
-    {"an error below nothing", [](auto& s) { s.error = -1e-9; }, WorldEndKind::nonsense, "the task's error is -1e-09"},
-    {"an error of NaN", [](auto& s) { s.error = kNaN; }, WorldEndKind::nonsense, "the task's error is nan"},
-    {"a sample out of turn", [](auto& s) { s.sensor_sequence = 2; }, WorldEndKind::nonsense, "sample 2 of sensor eye"},
+    {"an error below nothing", [](auto& s) { s.error = -1e-9; }, WorldEndKind::invalid_answer,
+     "the task's error is -1e-09"},
+    {"an error of NaN", [](auto& s) { s.error = kNaN; }, WorldEndKind::invalid_answer, "the task's error is nan"},
+    {"a sample out of turn", [](auto& s) { s.sensor_sequence = 2; }, WorldEndKind::invalid_answer,
+     "sample 2 of sensor eye"},
     {"a sample of nothing",
      [](auto& s) {
        s.sensor_sequence = 1;
        s.sensor[1] = INFINITY;
      },
-     WorldEndKind::nonsense, "sensor eye says inf"},
-    {"an outcome that is none", [](auto& s) { s.outcome = 77; }, WorldEndKind::nonsense, "outcome 77"},
+     WorldEndKind::invalid_answer, "sensor eye says inf"},
+    {"an outcome that is none", [](auto& s) { s.outcome = 77; }, WorldEndKind::invalid_answer, "outcome 77"},
     {"success", [](auto& s) { s.outcome = TAKT_WORLD_SUCCEEDED; }, WorldEndKind::succeeded, "the task is done"},
     {"a fall",
      [](auto& s) {
@@ -384,11 +388,12 @@ struct BadWelcome {
 TEST(WorldLink, AWelcomeThatIsNoneIsANamedEnd) {
   const std::vector<BadWelcome> bad{
       {"refusal", [](auto& w) { strcpy(w.refusal, "two arms wanted"); }, WorldEndKind::refused, "two arms wanted"},
-      {"protocol", [](auto& w) { w.header.protocol = 2; }, WorldEndKind::nonsense, "speaks protocol 2, Takt 3"},
-      {"kind", [](auto& w) { w.header.kind = TAKT_WORLD_STATE; }, WorldEndKind::nonsense, "kind 5"},
-      {"length", [](auto& w) { w.header.bytes = 8; }, WorldEndKind::nonsense, "with 8 bytes"},
-      {"cameras", [](auto& w) { w.camera_count = 9; }, WorldEndKind::nonsense, "9 cameras; it has at most 8"},
-      {"sequence", [](auto& w) { w.header.sequence = 9; }, WorldEndKind::nonsense, "answers question 9, asked was 1"},
+      {"protocol", [](auto& w) { w.header.protocol = 2; }, WorldEndKind::invalid_answer, "speaks protocol 2, Takt 3"},
+      {"kind", [](auto& w) { w.header.kind = TAKT_WORLD_STATE; }, WorldEndKind::invalid_answer, "kind 5"},
+      {"length", [](auto& w) { w.header.bytes = 8; }, WorldEndKind::invalid_answer, "with 8 bytes"},
+      {"cameras", [](auto& w) { w.camera_count = 9; }, WorldEndKind::invalid_answer, "9 cameras; it has at most 8"},
+      {"sequence", [](auto& w) { w.header.sequence = 9; }, WorldEndKind::invalid_answer,
+       "answers question 9, asked was 1"},
   };
   for (const BadWelcome& one : bad) {
     const ForkedWorld process([&one](const std::string& path) {

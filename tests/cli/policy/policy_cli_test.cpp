@@ -192,9 +192,9 @@ TEST_F(PolicyCli, TryMakesATableWithReasons) {
                                            "pipeline: {inputs: {walk: [obs]}, outputs: {walk: [actions]}}\n";
   const Ended printed = takt("policy try " + directory());
   EXPECT_EQ(printed.exit_code, 0) << printed.output;
-  for (const char* const part : {"4 files, 1 load: builtin 1.\n", "Not judged: no ONNX Runtime was named",
+  for (const char* const part : {"4 files, 1 load:\n\n- builtin 1\n\n", "Not judged: no ONNX Runtime was named",
                                  "## The folder itself\n\n2 files, 0 load", "| bad.onnx | none: not an ONNX model",
-                                 "| script.pt | torchscript refuses: ", "## below\n\n1 file, 1 load: builtin 1.\n",
+                                 "| script.pt | torchscript refuses: ", "## below\n\n1 file, 1 load:\n\n- builtin 1\n",
                                  "| reach.onnx | builtin | 24→96 |", "| walk.yaml | none: walk.onnx: sha256 "})
     EXPECT_NE(printed.output.find(part), std::string::npos) << part << " is not in\n" << printed.output;
   EXPECT_EQ(printed.output.find(directory()), std::string::npos) << "the table names a folder of this machine";
