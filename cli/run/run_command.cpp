@@ -245,7 +245,8 @@ void add_run(CLI::App& app, int& exit_code) {
       ->add_option("--rearm-after", given->rearm_after,
                    "end the robot's own stops and faults this long after they began, and arm again; simulated robots")
       ->needs("--arm");
-  command->add_flag("--restart", given->restart, "restart a policy host, monitor or sensor's program that died");
+  command->add_flag("--restart", given->restart,
+                    "restart a policy host, monitor or sensor's program that died, at most once a second");
   command->add_flag("--allow-non-realtime", given->allow_non_realtime,
                     "run even without real-time guarantees; a simulated robot does anyway");
   command->footer(footer());

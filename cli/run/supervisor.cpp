@@ -34,6 +34,7 @@ constexpr Duration kPollEvery = milliseconds(20);
 constexpr Duration kDisplayEvery = milliseconds(100);
 constexpr Duration kTrackingSeenWithin = milliseconds(2);  // origin of the scenario's times
 constexpr Duration kAnswerWithin = seconds(10);  // a script that throttles the control core lets it wait for a second
+constexpr Duration kRestartEvery = seconds(1);
 constexpr Duration kRestRecorded = milliseconds(1500);  // of a stopped robot, before a scripted run ends
 
 Duration steady_now() {
@@ -163,7 +164,13 @@ void Supervisor::note_beginning() {
 }
 
 void Supervisor::note_started(const std::string& label, const ChildProcess* child) {
+  started_at_[label] = now();
   if (child != nullptr) events_.note("started", {{"process", label}, {"pid", child->pid()}});
+}
+
+bool Supervisor::is_restart_due(const std::string& label) const {
+  const auto newest = started_at_.find(label);
+  return options_.restart && (newest == started_at_.end() || now() >= newest->second + kRestartEvery);
 }
 
 void Supervisor::note_ended(const std::string& label, const ChildProcess* child) {
@@ -407,7 +414,10 @@ Supervisor::Outcome Supervisor::look_after_children() {
   for (const ProcessName process : processes_.wanted()) {
     ChildProcess* child = processes_.find(process);
     if (!child || child->alive() || !ready_at_) continue;
-    if (!reported_dead_.insert(process).second) continue;
+    if (!reported_dead_.insert(process).second) {
+      if (is_restart_due(label(process))) (void)restart(process);
+      continue;
+    }
     note_ended(label(process), processes_.find(process));
     display_.note(fmt::format("{} {}", label(process), child->how_it_ended()));
     // A program that ended by itself said why; one that was killed could not.
@@ -419,7 +429,7 @@ Supervisor::Outcome Supervisor::look_after_children() {
       return std::unexpected(
           End{std::max(exit_code_for(*child), kExitFailed),
               fmt::format("{} {}: the run ends\n{}", program(process), child->how_it_ended(), child->last_words())});
-    if (options_.restart) (void)restart(process);
+    if (is_restart_due(label(process))) (void)restart(process);
   }
   look_after_sensors();
   contention_.reap();
@@ -432,16 +442,19 @@ Supervisor::Outcome Supervisor::look_after_children() {
 void Supervisor::look_after_sensors() {
   for (std::size_t i = 0; i < options_.place.sensors.size(); ++i) {
     ChildProcess* const child = processes_.find_sensor(i);
-    if (child == nullptr || child->alive() || !ready_at_ || !dead_sensors_.insert(i).second) continue;
+    if (child == nullptr || child->alive() || !ready_at_) continue;
     const std::string name = label(options_.place.sensors[i]);
-    note_ended(name, child);
-    std::string words = child->last_words();
-    display_.note(fmt::format("{} {}", name, child->how_it_ended()));
-    if (!words.empty()) {
-      words.pop_back();
-      display_.note(words);
+    if (dead_sensors_.insert(i).second) {
+      note_ended(name, child);
+      std::string words = child->last_words();
+      display_.note(fmt::format("{} {}", name, child->how_it_ended()));
+      if (!words.empty()) {
+        words.pop_back();
+        display_.note(words);
+      }
     }
-    if (!options_.restart) continue;
+    if (!is_restart_due(name)) continue;
+    started_at_[name] = now();
     if (const auto started = processes_.start_sensor(i); !started) {
       display_.note(started.error());
       continue;
@@ -458,6 +471,7 @@ std::string Supervisor::restart(ProcessName process) {
     why = fmt::format("{} still runs", label(process));
   if (why.empty()) {
     note_ended(label(process), processes_.find(process));
+    started_at_[label(process)] = now();
     if (auto started = processes_.start(process); !started) why = started.error();
   }
   if (why.empty()) {

@@ -10,6 +10,7 @@
 
 #include <array>
 #include <expected>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -84,6 +85,8 @@ class Supervisor {
   void tell_loads() const;
   [[nodiscard]] int exit_code_of_the_dead();
   void look_after_sensors();
+  // A process that dies as soon as it runs would otherwise be started hundreds of times a second, beside the robot.
+  [[nodiscard]] bool is_restart_due(const std::string& label) const;
   // Says once that no command finds the executive any more.
   void look_for_socket();
   // What ends the run, whether or not the executive answers.
@@ -110,8 +113,9 @@ class Supervisor {
   bool socket_is_gone_ = false;
   IncidentNote incident_;  // as of then
   std::set<ProcessName> reported_dead_, killed_by_script_;
-  std::set<std::size_t> dead_sensors_;       // reported, and not restarted since
-  std::vector<std::string> never_happened_;  // sentences
+  std::map<std::string, Duration> started_at_;  // by label: the newest try
+  std::set<std::size_t> dead_sensors_;          // reported, and not restarted since
+  std::vector<std::string> never_happened_;     // sentences
   std::set<pid_t> noted_ended_;
   bool script_ends_run_ = false;  // it killed the policy or asked for a stop
   bool asked_to_stop_ = false;    // by the script, since the robot last tracked

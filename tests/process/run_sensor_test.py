@@ -72,6 +72,11 @@ def wrong(bench):
     code, text, events = bench.run("--duration", "4s", "--sensor", "cam0=/usr/bin/python3 camera.py", "--restart", "--rearm-after", "500ms", kill_camera=True)
     if code != 0 or "sensor-cam0 restarted" not in text or of_sensor(events) != ["started", "ended", "started", "ended"]:
         return f"a restarted camera's run ended with {code}: {of_sensor(events)}\n{text}"
+    (bench.folder / "dies.sh").write_text("#!/bin/sh\n[ -e served ] && exit 1\ntouch served\nexec timeout 2 ./camera.py \"$@\"\n")
+    (bench.folder / "dies.sh").chmod(0o755)
+    code, text, events = bench.run("--duration", "5s", "--to-the-end", "--restart", "--sensor", "cam0=./dies.sh")
+    if not 2 < of_sensor(events).count("started") < 8:
+        return f"a camera that dies at once was started {of_sensor(events).count('started')} times in 5 s\n{text[-2000:]}"
     (bench.folder / "wrapped.sh").write_text("#!/bin/sh\n./camera.py \"$@\" &\necho $! >camera.pid\nwait\n")
     (bench.folder / "wrapped.sh").chmod(0o755)
     code, text, events = bench.run("--duration", "1s", "--sensor", "cam0=./wrapped.sh")
