@@ -44,9 +44,11 @@ set(TAKT_ARITHMETIC $<$<CONFIG:RelWithDebInfo>:-O2>) # for targets in such a fol
 # with a program that replaces one of their functions by its own; none does: calls within a file may be inlined.
 set(TAKT_EVERY_TICK -fno-semantic-interposition)
 
-# A first build in half the time: such folders' sources are compiled several at once, so that headers are read once for all of
-# them. Their file-local names must differ therefore. Off for who edits them (./dev build).
-option(TAKT_UNITY_BUILD "Compile several sources of a library at once, where that pays" ON)
+# A first build in half the time: a target's sources are compiled several at once, so that headers are read once for all of
+# them. Their file-local names must differ therefore. Off for those who edit them (./dev build), and for tests.
+option(TAKT_UNITY_BUILD "Compile several sources of a target at once" ON)
+set(CMAKE_UNITY_BUILD ${TAKT_UNITY_BUILD})
+set(CMAKE_UNITY_BUILD_BATCH_SIZE 24)
 
 # takt_library(NAME SOURCES... DEPENDS...) ; without sources it is header-only.
 function(takt_library name)

@@ -19,8 +19,6 @@
 namespace takt::config {
 namespace {
 
-constexpr std::uint32_t kMostHistory = 64;  // as policy.observation[].history
-
 constexpr auto kActions =
     std::to_array<std::pair<std::string_view, std::string_view>>({{"JointPositionAction", "joint_position"},
                                                                   {"JointVelocityAction", "joint_velocity"},

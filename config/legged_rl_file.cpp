@@ -18,7 +18,6 @@
 namespace takt::config {
 namespace {
 
-constexpr std::size_t kMostInstants = 64;  // as policy.observation[].history
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
 // Of one value: factor * x + offset, x held within lowest..highest.
@@ -269,8 +268,8 @@ class LeggedRlReader : private ExportReader {
   void stack(const Node& of, DeployFile& file) {
     const Node* const length = of.find("length");
     const double instants = length ? value_of(*length).value_or(1) : 1;
-    if (instants < 1 || instants > static_cast<double>(kMostInstants) || instants != std::floor(instants))
-      return problems_.add(of.place, fmt::format("length of a history must be a whole number to {}", kMostInstants));
+    if (instants < 1 || instants > static_cast<double>(kMostHistory) || instants != std::floor(instants))
+      return problems_.add(of.place, fmt::format("length of a history must be a whole number to {}", kMostHistory));
     for (DeployTerm& term : file.terms) {
       term.history = static_cast<std::uint32_t>(instants);
       if (!term.text.empty() && instants > 1) term.text += fmt::format(", history: {}", instants);

@@ -14,8 +14,6 @@
 namespace takt::config {
 namespace {
 
-constexpr std::size_t kMostInstants = 64;  // as policy.observation[].history
-
 class RlSarReader : private ExportReader {
  public:
   explicit RlSarReader(Problems& problems) : ExportReader(problems) {}
@@ -130,12 +128,12 @@ class RlSarReader : private ExportReader {
     };
     const auto last = static_cast<double>(instants.size()) - 1;
     file.newest_first = counts(0, 1) && last > 0;
-    if (instants.size() > kMostInstants || (!counts(0, 1) && !counts(last, -1)))
+    if (instants.size() > kMostHistory || (!counts(0, 1) && !counts(last, -1)))
       problems_.add(history->place,
                     fmt::format("observations_history is no count from 0 up or down, of at most {}; a robot file keeps "
                                 "whole histories",
-                                kMostInstants));
-    history_ = static_cast<std::uint32_t>(std::min(instants.size(), kMostInstants));
+                                kMostHistory));
+    history_ = static_cast<std::uint32_t>(std::min<std::size_t>(instants.size(), kMostHistory));
     const Node* const priority = section.find("observations_history_priority");
     file.history_by_time = priority == nullptr || priority->text != "term";
   }

@@ -233,6 +233,9 @@ struct Model {
   Vector3 tool_xyz{};
 };
 
+// The longest history of an observation term, instants.
+inline constexpr std::uint32_t kMostHistory = 64;
+
 // What the network is shown is (scale * clipped value - mean) / standard deviation. A byte of an image is a value from
 // 0 to 1.
 struct ObservationTerm {

@@ -113,7 +113,7 @@ void describe_scaling(Fields& fields, ObservationTerm& term) {
   fields.quantities({"mean", "subtracted after the scale", "0"}, term.mean, Dimension::none, any_value(), one_or_each);
   fields.quantities({"std", "divides the rest", "1"}, term.standard_deviation, Dimension::none, above(0, 1e9),
                     one_or_each);
-  fields.integer({"history", "instants, in history_order", "1"}, term.history, 1, 64);
+  fields.integer({"history", "instants, in history_order", "1"}, term.history, 1, kMostHistory);
 }
 
 void describe_term(Fields& fields, ObservationTerm& term, Words sensors, Words joints) {

@@ -15,7 +15,7 @@
 namespace takt::policy_host {
 namespace {
 
-constexpr std::chrono::milliseconds kAttachTimeout{500};
+constexpr std::chrono::milliseconds kExecutiveAttachTimeout{500};
 
 }  // namespace
 
@@ -52,7 +52,7 @@ std::expected<ExecutiveLink::Writable, std::string> ExecutiveLink::adopt(ipc::Le
 
 std::expected<ExecutiveLink, std::string> ExecutiveLink::attach(const std::string& socket, const Hello& hello,
                                                                 std::size_t largest_input, Time knows) {
-  auto lease = ipc::attach(socket, hello, kAttachTimeout);
+  auto lease = ipc::attach(socket, hello, kExecutiveAttachTimeout);
   if (!lease) return std::unexpected(lease.error());
   if (lease->lockstep && knows == Time::clock)
     return std::unexpected(

@@ -14,7 +14,7 @@
 namespace takt::policy_host {
 namespace {
 
-constexpr std::chrono::milliseconds kAttachTimeout{100};
+constexpr std::chrono::milliseconds kSensorAttachTimeout{100};
 constexpr Duration kRetry = milliseconds(500);
 
 }  // namespace
@@ -23,7 +23,7 @@ SensorLink::SensorLink(std::string socket, const Hello& hello, const ipc::RingSh
     : socket_(std::move(socket)), hello_(hello), shape_(shape) {}
 
 void SensorLink::attach() {
-  auto lease = ipc::attach(socket_, hello_, kAttachTimeout);
+  auto lease = ipc::attach(socket_, hello_, kSensorAttachTimeout);
   if (!lease) {
     problem_ = lease.error();
     return;

@@ -9,7 +9,7 @@ namespace takt::simulation {
 namespace {
 
 // Longest sub-step: keeps the explicit part (gravity, Coriolis) accurate, not only stable.
-constexpr Duration kLongestSubStep = microseconds(500);
+constexpr Duration kLongestArmSubStep = microseconds(500);
 
 }  // namespace
 
@@ -90,7 +90,7 @@ config::Vector3 ArmDynamics::tool_position(const Eigen::VectorXd& q) {
 
 void ArmDynamics::integrate(ArmState& state, const Eigen::VectorXd& tau, const std::vector<Friction>& friction,
                             Duration step) {
-  const auto sub_steps = static_cast<int>((step.ns + kLongestSubStep.ns - 1) / kLongestSubStep.ns);
+  const auto sub_steps = static_cast<int>((step.ns + kLongestArmSubStep.ns - 1) / kLongestArmSubStep.ns);
   const double dt = step.seconds() / sub_steps;
   const Eigen::MatrixXd mass = inertia(state.q);
   for (int turn = 0; turn < sub_steps; ++turn) {

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kGravity = 9.81;  // m/s^2
 // Longest sub-step: keeps the explicit part (gravity, centrifugal force) accurate, not only stable.
-constexpr Duration kLongestSubStep = microseconds(250);
+constexpr Duration kLongestCartSubStep = microseconds(250);
 
 }  // namespace
 
@@ -57,7 +57,7 @@ config::Vector3 CartPoleDynamics::controlled_point(const Eigen::VectorXd& q) {
 
 void CartPoleDynamics::integrate(ArmState& state, const Eigen::VectorXd& tau, const std::vector<Friction>& friction,
                                  Duration step) {
-  const auto sub_steps = static_cast<int>((step.ns + kLongestSubStep.ns - 1) / kLongestSubStep.ns);
+  const auto sub_steps = static_cast<int>((step.ns + kLongestCartSubStep.ns - 1) / kLongestCartSubStep.ns);
   const double dt = step.seconds() / sub_steps;
   for (int turn = 0; turn < sub_steps; ++turn) {
     const double sine = std::sin(state.q[1]);

@@ -13,7 +13,7 @@
 namespace takt::simulation {
 namespace {
 
-constexpr std::array<std::string_view, 1> kSchemas{"takt.devices/1"};
+constexpr std::array<std::string_view, 1> kDevicesSchemas{"takt.devices/1"};
 
 void describe_device(config::Fields& fields, config::Joint& device, config::Words buses) {
   fields.identifier({"name", "unique name of the device"}, device.name);
@@ -27,8 +27,8 @@ void describe_device(config::Fields& fields, config::Joint& device, config::Word
 }
 
 void describe_devices(config::Fields& fields, config::RobotConfig& robot) {
-  std::string schema(kSchemas[0]);
-  fields.one_of({"schema", "format of this file"}, schema, kSchemas, "schema");
+  std::string schema(kDevicesSchemas[0]);
+  fields.one_of({"schema", "format of this file"}, schema, kDevicesSchemas, "schema");
   fields.each({"buses", "CAN buses"}, robot.buses, kMaxBuses, config::describe_bus);
   std::vector<std::string_view> buses;
   for (const config::Bus& bus : robot.buses) buses.emplace_back(bus.name);
@@ -44,7 +44,7 @@ std::expected<config::RobotConfig, std::string> parse_devices(std::string_view t
                                                               const std::string& name_for_messages) {
   config::Problems problems(name_for_messages);
   const config::Node root = config::read_document(text, config::Tags::refuse, problems);
-  if (problems.empty()) config::expect_kind(root, kSchemas[0], name_for_messages, problems);
+  if (problems.empty()) config::expect_kind(root, kDevicesSchemas[0], name_for_messages, problems);
   if (!problems.empty()) return std::unexpected(problems.text());
 
   config::RobotConfig robot;

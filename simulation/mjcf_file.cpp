@@ -78,7 +78,7 @@ void divide_assetdir(std::string& text) {
 
 constexpr std::string_view kPackage = "package://";
 
-bool is_there(const std::filesystem::path& file) {
+bool path_exists(const std::filesystem::path& file) {
   std::error_code none;
   return std::filesystem::exists(file, none);
 }
@@ -86,7 +86,7 @@ bool is_there(const std::filesystem::path& file) {
 // The first of them that is there, else `otherwise`.
 std::filesystem::path first_of(std::initializer_list<std::filesystem::path> files,
                                const std::filesystem::path& otherwise) {
-  const auto* const found = std::ranges::find_if(files, is_there);
+  const auto* const found = std::ranges::find_if(files, path_exists);
   return found == files.end() ? otherwise : *found;
 }
 
@@ -106,7 +106,7 @@ std::filesystem::path mesh_file(std::string_view named, const std::filesystem::p
   const std::filesystem::path package = *within.begin(), rest = within.lexically_relative(package);
   for (std::filesystem::path around = folder; around.has_relative_path(); around = around.parent_path()) {
     if (around.filename() == package) return around / rest;
-    if (is_there(around / package / rest)) return around / package / rest;
+    if (path_exists(around / package / rest)) return around / package / rest;
   }
   if (elsewhere.empty()) return folder / rest;
   return first_of({elsewhere / within, elsewhere / rest, elsewhere / within.filename()}, folder / rest);

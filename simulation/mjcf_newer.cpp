@@ -22,7 +22,7 @@ constexpr std::string_view kDrawing = "nothing is drawn";
 constexpr std::string_view kFiles = "a file's name tells what it holds";
 constexpr std::string_view kHulls = "a mesh collides as the hull of all its corners";
 constexpr std::string_view kInertia = "a mesh weighs as a solid";
-constexpr std::string_view kGravity = "gravity pulls there in full";
+constexpr std::string_view kPullsInFull = "gravity pulls there in full";
 constexpr std::string_view kSensors = "no sensor of the model is read";
 constexpr std::string_view kMemory = "MuJoCo 2.2.2 chooses its memory itself";
 constexpr std::string_view kBase = "a free base keeps its own axes";
@@ -45,13 +45,13 @@ constexpr std::string_view kMotorAttributes =
     "jointinparent tendon slidersite cranksite site refsite ";
 
 // Names of elements and attributes with a space on either side.
-struct Row {
+struct NewerRow {
   std::string_view elements, attributes, instead;
 };
 
 // From MuJoCo's own lists of changes, versions 2.3.0 to 3.3 (mujoco.readthedocs.io, "Changelog"), and its table of
 // elements and attributes of 2026 (google-deepmind/mujoco, src/xml/generated/mjcf_table.inc).
-constexpr auto kAttributes = std::to_array<Row>({
+constexpr auto kAttributes = std::to_array<NewerRow>({
     {" joint ", " actuatorfrcrange actuatorfrclimited ", kForces},
     {" joint ", " actuatorgravcomp ", kActuators},
     {" spatial fixed tendon ", " actuatorfrcrange actuatorfrclimited armature ", kForces},
@@ -69,7 +69,7 @@ constexpr auto kAttributes = std::to_array<Row>({
     {" size ", " memory ", kMemory},
     {" compiler ", " alignfree saveinertial inertiashell conflict ", kNothing},
     {" freejoint ", " align ", kBase},
-    {" body ", " gravcomp ", kGravity},
+    {" body ", " gravcomp ", kPullsInFull},
     {" body ", " sleep simple fuse ", kNothing},
     {" geom pair ", " surfacevel adhesion ", kSurfaces},
     {" site ", " mesh ", kDrawing},
@@ -88,7 +88,7 @@ constexpr auto kAttributes = std::to_array<Row>({
     {" headlight map quality scale rgba ", " frustum bv bvactive ", kDrawing},
 });
 
-constexpr auto kElements = std::to_array<Row>({
+constexpr auto kElements = std::to_array<NewerRow>({
     {" jointactuatorfrc tendonactuatorfrc ", "", kForces},
     {" contact distance normal fromto camprojection e_potential e_kinetic insidesite tactile geomdist geomnormal "
      "geomfromto ",
@@ -155,8 +155,8 @@ class NewerThings {
  private:
   [[nodiscard]] bool is_in(std::string_view element) const { return !open_.empty() && open_.back() == element; }
 
-  [[nodiscard]] const Row* row_of(const config::XmlTag& tag) const {
-    const auto row = std::ranges::find_if(kElements, [&](const Row& one) {
+  [[nodiscard]] const NewerRow* row_of(const config::XmlTag& tag) const {
+    const auto row = std::ranges::find_if(kElements, [&](const NewerRow& one) {
       return holds(one.elements, tag.name) && (one.attributes.empty() || is_in(one.attributes));
     });
     return row == kElements.end() ? nullptr : &*row;
@@ -177,7 +177,7 @@ class NewerThings {
   }
 
   bool leave_out(const config::XmlTag& tag, std::size_t end) {
-    const Row* const row = row_of(tag);
+    const NewerRow* const row = row_of(tag);
     if (row == nullptr || end == 0) return false;
     changes_.push_back({tag.begin, end, tag.name, "", "", row->instead});
     return true;
@@ -195,7 +195,7 @@ class NewerThings {
 
   void look_at_attributes(const config::XmlTag& tag) {
     for (const config::XmlAttribute& attribute : tag.attributes) {
-      const auto row = std::ranges::find_if(kAttributes, [&](const Row& one) {
+      const auto row = std::ranges::find_if(kAttributes, [&](const NewerRow& one) {
         return holds(one.elements, tag.name) && holds(one.attributes, attribute.name);
       });
       if (row != kAttributes.end() && !is_older(tag.name, attribute.name)) {

@@ -10,8 +10,9 @@ namespace takt::simulation {
 namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
-constexpr std::uint32_t kMissingEstimate = 0x8, kOverVoltage = 0x100, kUnderVoltage = 0x200, kCurrentLimit = 0x1000,
-                        kMotorOverTemperature = 0x2000, kWatchdogExpired = 0x0100'0000, kEstopRequested = 0x0200'0000;
+constexpr std::uint32_t kMissingEstimate = 0x8, kBusOverVoltage = 0x100, kBusUnderVoltage = 0x200,
+                        kCurrentLimit = 0x1000, kMotorOverTemperature = 0x2000, kWatchdogExpired = 0x0100'0000,
+                        kEstopRequested = 0x0200'0000;
 constexpr double kAmpere_per_Nm = 0.1;  // at the supply, of no consequence
 
 // Eight bytes as one number, first byte lowest.
@@ -167,9 +168,9 @@ bool OdriveDevice::inject(DeviceFault fault) {
       case DeviceFault::over_current:
         return kCurrentLimit;
       case DeviceFault::over_voltage:
-        return kOverVoltage;
+        return kBusOverVoltage;
       case DeviceFault::under_voltage:
-        return kUnderVoltage;
+        return kBusUnderVoltage;
       case DeviceFault::encoder:
         return kMissingEstimate;
       case DeviceFault::overload:

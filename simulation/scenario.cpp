@@ -19,7 +19,7 @@
 namespace takt::simulation {
 namespace {
 
-constexpr std::array<std::string_view, 1> kSchemas{"takt.scenario/1"};
+constexpr std::array<std::string_view, 1> kScenarioSchemas{"takt.scenario/1"};
 constexpr std::array<std::string_view, 2> kAnchors{"start", "enabled"};
 constexpr std::size_t kMostEvents = 256;
 constexpr Duration kLongestRun = seconds(1'000'000);
@@ -216,7 +216,7 @@ std::expected<Scenario, std::string> parse_scenario(std::string_view text, const
                                                     const config::RobotConfig& robot) {
   config::Problems problems(name_for_messages);
   const config::Node root = config::read_document(text, config::Tags::refuse, problems);
-  if (problems.empty()) config::expect_kind(root, kSchemas[0], name_for_messages, problems);
+  if (problems.empty()) config::expect_kind(root, kScenarioSchemas[0], name_for_messages, problems);
   if (!problems.empty()) return std::unexpected(problems.text());
 
   Names names{config::joint_names(robot), {}, {}};
@@ -225,8 +225,8 @@ std::expected<Scenario, std::string> parse_scenario(std::string_view text, const
   std::vector<Written> written;
   config::Places places;
   config::Reader reader(root, "", problems, places);
-  std::string schema(kSchemas[0]);
-  reader.one_of({"schema", "format of this file"}, schema, kSchemas, "schema", {});
+  std::string schema(kScenarioSchemas[0]);
+  reader.one_of({"schema", "format of this file"}, schema, kScenarioSchemas, "schema", {});
   reader.each({"events", "what goes wrong"}, written, kMostEvents,
               [&names](config::Fields& fields, Written& event) { describe_event(fields, event, names); });
   reader.finish();

@@ -22,7 +22,8 @@ COLUMN = 30  # CLI11's
 SECTIONS = ("Positionals:", "Options:", "Subcommands:")
 UNAVAILABLE = 69
 LAB = "Evaluate, by package takt-lab:"
-TITLES = ("Run a robot:", "Set one up:", "Look at runs:", LAB, "Help:")  # of takt's own subcommands
+BY_NAME = ("More:", LAB)  # lists of takt's own subcommands: names alone, and with a line for each
+TITLES = ("Run a robot:", "Set one up:", "Look at runs:", "Help:", *BY_NAME)
 
 
 class Help:
@@ -37,12 +38,14 @@ class Help:
         self.summary, _, more = before.strip().partition("\n")
         self.sections, footer = entries(after)
         self.notes, self.example, self.exit_codes = sort_footer(more.splitlines() + footer)
-        self.of_lab = {name for name, _ in self.sections.get(LAB, [])}
+        by_name = {heading: [name for names, _ in self.sections.pop(heading, []) for name in names.split(", ")] for heading in BY_NAME}
+        self.of_lab = set(by_name[LAB])
         commands = [entry for heading in list(self.sections) if heading not in SECTIONS[:2] for entry in self.sections.pop(heading)]
+        names = [name.partition(",")[0] for name, _ in commands] + [name for names in by_name.values() for name in names]  # without aliases
+        self.children = [Help(bin_dir, words + [name]) for name in names if is_there(bin_dir, words + [name])]
+        commands += [(child.words[-1], child.summary) for child in self.children if any(child.words[-1] in names for names in by_name.values())]
         if commands:
             self.sections["Subcommands:"] = commands
-        names = [name.partition(",")[0] for name, _ in commands]  # without its aliases
-        self.children = [Help(bin_dir, words + [name]) for name in names if is_there(bin_dir, words + [name])]
 
     @property
     def name(self):

@@ -14,7 +14,7 @@ namespace takt::drivers {
 namespace {
 
 // Batches per receive() call: bounds the work when foreign frames flood the bus.
-constexpr int kBatchesPerCall = 4;
+constexpr int kLoopbackBatchesPerCall = 4;
 
 }  // namespace
 
@@ -50,7 +50,8 @@ SendResult LoopbackBus::send(const CanFrame& frame) noexcept {
 
 std::size_t LoopbackBus::receive(std::span<ReceivedFrame> out) noexcept {
   std::size_t filled = 0;
-  for (int batch = 0; batch < kBatchesPerCall && filled < out.size() && health_.state != BusState::down; ++batch) {
+  for (int batch = 0; batch < kLoopbackBatchesPerCall && filled < out.size() && health_.state != BusState::down;
+       ++batch) {
     const std::size_t wanted = std::min(out.size() - filled, MessageBatch::kBatch);
     const MessageBatch::Result fetched = batch_.fetch(socket_.get(), wanted);
     if (fetched.error != 0) health_.state = BusState::down;

@@ -11,13 +11,13 @@ namespace {
 
 constexpr std::uint32_t kRegisterId = 0x7FF;
 constexpr std::uint8_t kReadRegister = 0x33, kWriteRegister = 0x55;
-constexpr std::uint8_t kTimeout = 9;
+constexpr std::uint8_t kMitTimeout = 9;
 
 // Questions; of orders only that for the drive's own time-out.
 Demand read_register_frame(const JointFacts& facts, const CanFrame& frame) noexcept {
   const bool reads = frame.data[2] == kReadRegister;
   const bool sets_timeout =
-      frame.data[2] == kWriteRegister && frame.data[3] == kTimeout && is_timeout(little32(frame.data + 4));
+      frame.data[2] == kWriteRegister && frame.data[3] == kMitTimeout && is_timeout(little32(frame.data + 4));
   const bool ours = little16(frame.data) == facts.id && (reads || sets_timeout);
   return of_kind(ours ? Demand::Kind::aside : Demand::Kind::unknown);
 }

@@ -7,7 +7,7 @@
 namespace takt::drivers::guard {
 namespace {
 
-constexpr std::uint32_t kRunMode = 0x7005, kTimeout = 0x7028;
+constexpr std::uint32_t kRunMode = 0x7005, kRobstrideTimeout = 0x7028;
 
 Demand read_motion(const JointFacts& facts, std::uint32_t torque, const std::uint8_t* b) noexcept {
   constexpr float k16 = 65535;
@@ -27,7 +27,7 @@ Demand read_robstride(const JointFacts& facts, const CanFrame& frame) noexcept {
   if (type == 1) return read_motion(facts, data, frame.data);
   if ((data & 0xFFU) != facts.host) return {};
   const bool sets_motion_mode = little16(frame.data) == kRunMode && little32(frame.data + 4) == 0;
-  const bool sets_timeout = little16(frame.data) == kTimeout && is_timeout(little32(frame.data + 4));
+  const bool sets_timeout = little16(frame.data) == kRobstrideTimeout && is_timeout(little32(frame.data + 4));
   switch (type) {
     case 0:  // who are you
       return of_kind(Demand::Kind::aside);

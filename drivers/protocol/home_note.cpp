@@ -10,7 +10,7 @@ namespace takt::drivers {
 namespace {
 
 // Joints by number: their names may hold anything.
-std::string file_of(const std::string& directory, std::size_t joint) {
+std::string note_file(const std::string& directory, std::size_t joint) {
   return directory + "/home-" + std::to_string(joint);
 }
 
@@ -49,7 +49,7 @@ std::optional<HomeNote> read_note(const std::string& path, const config::RobotCo
 
 std::expected<void, std::string> write_home_note(const std::string& runtime_directory, const config::RobotConfig& robot,
                                                  std::size_t joint, const HomeNote& note) {
-  const std::string path = file_of(runtime_directory, joint), unfinished = path + ".new";
+  const std::string path = note_file(runtime_directory, joint), unfinished = path + ".new";
   std::error_code failed;
   std::filesystem::create_directories(runtime_directory, failed);
   std::ofstream file(unfinished);
@@ -66,7 +66,7 @@ std::vector<std::optional<HomeNote>> home_notes(const std::string& runtime_direc
                                                 const config::RobotConfig& robot) {
   std::vector<std::optional<HomeNote>> notes;
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
-    notes.push_back(cannot_be_told(robot.joints[joint].drive) ? read_note(file_of(runtime_directory, joint), robot)
+    notes.push_back(cannot_be_told(robot.joints[joint].drive) ? read_note(note_file(runtime_directory, joint), robot)
                                                               : std::nullopt);
   return notes;
 }
@@ -77,7 +77,7 @@ std::vector<std::optional<HomeNote>> take_home_notes(const std::string& runtime_
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
     if (!cannot_be_told(robot.joints[joint].drive)) continue;
     std::error_code failed;
-    const bool gone = std::filesystem::remove(file_of(runtime_directory, joint), failed);
+    const bool gone = std::filesystem::remove(note_file(runtime_directory, joint), failed);
     if (!gone) notes[joint].reset();  // it would hold again and again
   }
   return notes;

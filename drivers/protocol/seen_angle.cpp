@@ -32,7 +32,7 @@ std::string about(double value) {
 }
 
 // Joints by number: their names may hold anything.
-std::string file_of(const std::string& directory, std::size_t joint) {
+std::string angle_file(const std::string& directory, std::size_t joint) {
   return directory + "/seen-" + std::to_string(joint);
 }
 
@@ -83,7 +83,7 @@ std::string text_of(config::JointKind kind, const SeenAngle& angle) {
 
 std::expected<void, std::string> keep_seen_angle(const std::string& runtime_directory, const config::RobotConfig& robot,
                                                  std::size_t joint, const std::optional<SeenAngle>& angle) {
-  const std::string path = file_of(runtime_directory, joint), unfinished = path + ".new";
+  const std::string path = angle_file(runtime_directory, joint), unfinished = path + ".new";
   std::error_code failed;
   if (!angle) {
     std::filesystem::remove(path, failed);
@@ -103,7 +103,7 @@ std::expected<void, std::string> keep_seen_angle(const std::string& runtime_dire
 
 std::optional<SeenAngle> seen_angle(const std::string& runtime_directory, const config::RobotConfig& robot,
                                     std::size_t joint) {
-  std::ifstream file(file_of(runtime_directory, joint));
+  std::ifstream file(angle_file(runtime_directory, joint));
   SeenAngle angle;
   std::string scale;
   if (!(file >> angle.day >> angle.moved >> angle.seen >> std::ws) || !std::getline(file, scale)) return std::nullopt;

@@ -37,7 +37,7 @@ bool same(double a, double b) {
   return std::abs(a - b) <= kSame * std::abs(b);
 }
 
-std::string number(double value) {
+std::string ten_digits(double value) {
   std::array<char, 32> text{};
   std::snprintf(text.data(), text.size(), "%.10g", value);
   return text.data();
@@ -133,13 +133,13 @@ OwnScale Cia402Scale::judge() const {
                                  : "the drive tells no encoder (608F) and no units per turn (6092)");
   }
   const auto counts = static_cast<double>(drive_.counts_per_turn);
-  const std::string told = number(per_shaft / gear) + " counts per motor turn (" + objects + ")";
+  const std::string told = ten_digits(per_shaft / gear) + " counts per motor turn (" + objects + ")";
   const bool through_its_gear = gear != 1 && same(counts * drive_.gear_ratio, per_shaft);
   if (through_its_gear || same(counts, per_shaft / gear))
     return {OwnScale::Verdict::right, through_its_gear, "its own scale is the robot file's: " + told};
   return {OwnScale::Verdict::wrong, false,
-          "the drive has " + told + ", the robot file says counts_per_turn " + number(counts) + ": the joint moves " +
-              number(std::round(1000 * counts * gear / per_shaft) / 1000) + " times as far"};
+          "the drive has " + told + ", the robot file says counts_per_turn " + ten_digits(counts) +
+              ": the joint moves " + ten_digits(std::round(1000 * counts * gear / per_shaft) / 1000) + " times as far"};
 }
 
 }  // namespace takt::drivers

@@ -30,7 +30,7 @@ double velocity_step(const config::Drive& drive) {
   return 0;
 }
 
-std::string number(double value) {
+std::string three_decimals(double value) {
   std::array<char, 32> text{};
   std::snprintf(text.data(), text.size(), "%.3f", value);
   return text.data();
@@ -81,7 +81,7 @@ VelocityScale JointJog::velocity_scale() const {
   VelocityScale found = fit_.judge();
   if (!scale_ || found.verdict == VelocityScale::Verdict::not_judged) return found;
   if (found.verdict == VelocityScale::Verdict::wrong)
-    found.sentence = "the drive's position (6064) changes by " + number(found.scale) +
+    found.sentence = "the drive's position (6064) changes by " + three_decimals(found.scale) +
                      " of what its velocity (606C) says: counts_per_turn is not the drive's, or the unit of 606C is "
                      "another than 60A9 says";
   if (scale_->knows_velocity_unit()) return found;

@@ -19,7 +19,7 @@ namespace {
 constexpr int kSizeSeals = F_SEAL_SHRINK | F_SEAL_GROW;
 constexpr int kWriterSeals = F_SEAL_FUTURE_WRITE | F_SEAL_SEAL;
 
-std::unexpected<std::string> failed(const std::string& what) {
+std::unexpected<std::string> segment_failed(const std::string& what) {
   return std::unexpected("shared memory: " + what + ": " + std::generic_category().message(errno));
 }
 
@@ -33,9 +33,10 @@ int open_memfd(const char* name) {
 
 std::expected<Segment, std::string> Segment::create(const char* name, std::size_t bytes, bool map_writable) {
   Descriptor file(open_memfd(name));
-  if (!file.is_open()) return failed("cannot create " + std::string(name));
-  if (ftruncate(file.get(), static_cast<off_t>(bytes)) != 0) return failed("cannot size " + std::string(name));
-  if (fcntl(file.get(), F_ADD_SEALS, kSizeSeals) != 0) return failed("cannot seal the size of " + std::string(name));
+  if (!file.is_open()) return segment_failed("cannot create " + std::string(name));
+  if (ftruncate(file.get(), static_cast<off_t>(bytes)) != 0) return segment_failed("cannot size " + std::string(name));
+  if (fcntl(file.get(), F_ADD_SEALS, kSizeSeals) != 0)
+    return segment_failed("cannot seal the size of " + std::string(name));
   Segment segment(std::move(file), bytes);
   if (map_writable) {
     if (auto mapped = segment.map(true); !mapped) return std::unexpected(mapped.error());
@@ -46,12 +47,12 @@ std::expected<Segment, std::string> Segment::create(const char* name, std::size_
 std::expected<Segment, std::string> Segment::adopt(int fd, std::size_t bytes, bool writable) {
   Descriptor file(fd);
   const int seals = fcntl(fd, F_GET_SEALS);
-  if (seals < 0) return failed("the descriptor received is not a memfd");
+  if (seals < 0) return segment_failed("the descriptor received is not a memfd");
   if ((seals & kSizeSeals) != kSizeSeals) {
     return std::unexpected("shared memory: the segment received can be truncated under us: its owner must seal it");
   }
   struct stat status {};
-  if (fstat(fd, &status) != 0) return failed("cannot stat the segment received");
+  if (fstat(fd, &status) != 0) return segment_failed("cannot stat the segment received");
   if (static_cast<std::size_t>(status.st_size) < bytes) {
     return std::unexpected("shared memory: the segment received has " + std::to_string(status.st_size) +
                            " bytes, expected " + std::to_string(bytes) +
@@ -73,12 +74,12 @@ std::expected<Segment, std::string> Segment::adopt_writable(int fd, std::size_t 
 std::expected<void, std::string> Segment::map(bool writable) {
   const int protection = writable ? PROT_READ | PROT_WRITE : PROT_READ;
   void* const at = mmap(nullptr, size_, protection, MAP_SHARED | MAP_POPULATE, file_.get(), 0);
-  if (at == MAP_FAILED) return failed(writable ? "cannot map a segment writable" : "cannot map a segment");
+  if (at == MAP_FAILED) return segment_failed(writable ? "cannot map a segment writable" : "cannot map a segment");
   data_ = static_cast<std::byte*>(at);
   writable_ = writable;
   // MAP_POPULATE hides failures; this reports them, and also takes the write faults. EINVAL: Linux before 5.14.
   if (madvise(at, size_, writable ? MADV_POPULATE_WRITE : MADV_POPULATE_READ) != 0 && errno != EINVAL) {
-    return failed("cannot pre-fault " + std::to_string(size_) + " bytes");
+    return segment_failed("cannot pre-fault " + std::to_string(size_) + " bytes");
   }
   return {};
 }
@@ -89,7 +90,8 @@ std::expected<void, std::string> Segment::map_read_only() {
 }
 
 std::expected<void, std::string> Segment::seal_against_new_writers() {
-  if (fcntl(file_.get(), F_ADD_SEALS, kWriterSeals) != 0) return failed("cannot seal a segment against new writers");
+  if (fcntl(file_.get(), F_ADD_SEALS, kWriterSeals) != 0)
+    return segment_failed("cannot seal a segment against new writers");
   return {};
 }
 

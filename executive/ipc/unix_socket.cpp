@@ -27,13 +27,6 @@ union ControlBuffer {
   std::array<char, CMSG_SPACE(sizeof(int) * kMaxDescriptorsPerMessage)> bytes;
 };
 
-sockaddr_un address_of(const std::string& path) {
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  path.copy(address.sun_path, sizeof address.sun_path - 1);
-  return address;
-}
-
 void collect_descriptors(msghdr& message, std::vector<Descriptor>& into) {
   for (cmsghdr* part = CMSG_FIRSTHDR(&message); part != nullptr; part = CMSG_NXTHDR(&message, part)) {
     if (part->cmsg_level != SOL_SOCKET || part->cmsg_type != SCM_RIGHTS) continue;
@@ -46,6 +39,13 @@ void collect_descriptors(msghdr& message, std::vector<Descriptor>& into) {
 }
 
 }  // namespace
+
+sockaddr_un address_of(const std::string& path) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  path.copy(address.sun_path, sizeof address.sun_path - 1);
+  return address;
+}
 
 std::string errno_text() {
   return std::generic_category().message(errno);

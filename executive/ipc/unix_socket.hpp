@@ -4,6 +4,7 @@
 #pragma once
 
 #include <sys/types.h>
+#include <sys/un.h>
 
 #include <cstddef>
 #include <cstdint>
@@ -27,6 +28,9 @@ enum class UserNamespace : std::uint8_t { ours, another, unknown };
 UserNamespace user_namespace_of(pid_t pid) noexcept;
 
 std::string errno_text();
+
+// `path` no longer than check_path() allows.
+sockaddr_un address_of(const std::string& path);
 
 // A socket bound to `path` and listening. The caller made sure that the path is free.
 std::expected<Descriptor, std::string> listen_at(const std::string& path);

@@ -24,10 +24,6 @@ constexpr float kNearStop = 0.02F;         // rad
 constexpr float kMotionThatShows = 0.0125F;
 constexpr std::uint8_t kOfOutlier = 2;
 
-float seconds_of(Duration span) {
-  return static_cast<float>(span.ns) * 1.0e-9F;
-}
-
 std::uint16_t milliseconds_up(Duration span) {
   const std::int64_t whole = (span.ns + milliseconds(1).ns - 1) / milliseconds(1).ns;
   return static_cast<std::uint16_t>(std::clamp<std::int64_t>(whole, 0, std::numeric_limits<std::uint16_t>::max()));

@@ -9,10 +9,6 @@ namespace {
 
 constexpr float kAbsurdAngle = 1.0e5F;  // rad: some 16,000 turns
 
-float seconds_of(Duration span) {
-  return static_cast<float>(span.ns) * 1.0e-9F;
-}
-
 }  // namespace
 
 bool is_plausible(const JointFeedback& feedback) {

@@ -24,6 +24,10 @@ struct JointMotion {
   float dq = 0;  // rad/s
 };
 
+inline float seconds_of(Duration span) {
+  return static_cast<float>(span.ns) * 1.0e-9F;
+}
+
 // Whether the newest reply is at most `longest` old.
 inline bool is_heard(const ObserverState& observer, MonoTime now, Duration longest) {
   return observer.sampled_at.is_set() && now - observer.sampled_at <= longest;

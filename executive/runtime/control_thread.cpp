@@ -11,7 +11,7 @@ namespace takt::runtime {
 namespace {
 
 // With memory locked, all of a thread's stack is resident: enough for the tick, not the default 8 MiB.
-constexpr std::size_t kStackBytes = std::size_t{1} << 20U;
+constexpr std::size_t kControlStackBytes = std::size_t{1} << 20U;
 
 }  // namespace
 
@@ -30,7 +30,7 @@ std::expected<ControlThread, std::string> ControlThread::start(const config::Con
   ControlThread thread(std::unique_ptr<Shared>(new Shared{control, loop}));
   pthread_attr_t attributes;
   pthread_attr_init(&attributes);
-  pthread_attr_setstacksize(&attributes, kStackBytes);
+  pthread_attr_setstacksize(&attributes, kControlStackBytes);
   auto prepared = thread.shared_->prepared.get_future();
   const int error = pthread_create(&thread.shared_->thread, &attributes, main, thread.shared_.get());
   pthread_attr_destroy(&attributes);

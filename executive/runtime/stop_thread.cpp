@@ -12,7 +12,7 @@
 namespace takt::runtime {
 namespace {
 
-constexpr std::size_t kStackBytes = std::size_t{256} << 10U;  // resident where memory is locked
+constexpr std::size_t kStopStackBytes = std::size_t{256} << 10U;  // resident where memory is locked
 
 }  // namespace
 
@@ -41,7 +41,7 @@ std::expected<std::unique_ptr<StopThread>, std::string> StopThread::start(const 
   std::unique_ptr<StopThread> thread(new StopThread(std::move(*line), requests));
   pthread_attr_t attributes;
   pthread_attr_init(&attributes);
-  pthread_attr_setstacksize(&attributes, kStackBytes);
+  pthread_attr_setstacksize(&attributes, kStopStackBytes);
   const int error = pthread_create(&thread->thread_, &attributes, main, thread.get());
   pthread_attr_destroy(&attributes);
   if (error != 0)

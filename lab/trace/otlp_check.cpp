@@ -13,7 +13,7 @@
 namespace takt::lab {
 namespace {
 
-using Json = nlohmann::json;
+using SpanJson = nlohmann::json;
 
 struct ExportedTrace {
   std::optional<ToldCommand> root;
@@ -21,13 +21,13 @@ struct ExportedTrace {
 };
 
 // 64-bit integers are text in OTLP's JSON.
-std::int64_t integer(const Json& value) {
+std::int64_t integer(const SpanJson& value) {
   return std::stoll(value.get<std::string>());
 }
 
-ToldCommand root_of(const Json& span) {
+ToldCommand root_of(const SpanJson& span) {
   ToldCommand command;
-  for (const Json& attribute : span.at("attributes")) {
+  for (const SpanJson& attribute : span.at("attributes")) {
     const std::string key = attribute.at("key");
     if (key == "takt.tick") command.tick = static_cast<std::uint64_t>(integer(attribute.at("value").at("intValue")));
     if (key == "takt.sequence")
@@ -37,10 +37,10 @@ ToldCommand root_of(const Json& span) {
   return command;
 }
 
-void add(const Json& request, std::map<std::string, ExportedTrace>& traces) {
-  for (const Json& resource : request.at("resourceSpans"))
-    for (const Json& scope : resource.at("scopeSpans"))
-      for (const Json& span : scope.at("spans")) {
+void add(const SpanJson& request, std::map<std::string, ExportedTrace>& traces) {
+  for (const SpanJson& resource : request.at("resourceSpans"))
+    for (const SpanJson& scope : resource.at("scopeSpans"))
+      for (const SpanJson& span : scope.at("spans")) {
         ExportedTrace& trace = traces[span.at("traceId")];
         const std::string name = span.at("name");
         if (name == "command") trace.root = root_of(span);
@@ -56,7 +56,7 @@ std::expected<std::vector<ToldCommand>, std::string> read_told_commands(std::ist
   try {
     for (std::string line; std::getline(lines, line);) {
       ++number;
-      add(Json::parse(line), traces);
+      add(SpanJson::parse(line), traces);
     }
   } catch (const std::exception& error) {
     return std::unexpected(fmt::format("line {} is no OTLP export request of traces: {}", number, error.what()));

@@ -19,10 +19,6 @@ Json age_json(const std::array<Quantiles, kAgePartCount>& parts) {
   return json;
 }
 
-Json text_or_null(const std::string& text) {
-  return text.empty() ? Json(nullptr) : Json(text);
-}
-
 Json incident_json(const incident::Incident& incident, const RunMetrics& metrics) {
   const auto found = metrics.stop_origins.find(incident.tick);
   const StopOrigin origin = found == metrics.stop_origins.end() ? StopOrigin{} : found->second;

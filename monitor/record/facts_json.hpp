@@ -16,6 +16,10 @@ inline nlohmann::ordered_json in_ns(std::optional<Duration> duration) {
   return duration ? nlohmann::ordered_json(duration->ns) : nullptr;
 }
 
+inline nlohmann::ordered_json text_or_null(const std::string& text) {
+  return text.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(text);
+}
+
 struct JsonFacts {
   void operator()(const std::string& name, const auto& value) { json[name] = value; }
   void operator()(const std::string& name, std::optional<Duration> value) { json[name + "_ns"] = in_ns(value); }

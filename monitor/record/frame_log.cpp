@@ -12,13 +12,13 @@
 namespace takt::monitor {
 namespace {
 
-constexpr int kCompressionLevel = 1;  // a recorder shares two cores with a robot
+constexpr int kFrameCompressionLevel = 1;  // a recorder shares two cores with a robot
 
 }  // namespace
 
 Bytes compressed_frames(std::string_view lines) {
   Bytes out(ZSTD_compressBound(lines.size()));
-  out.resize(ZSTD_compress(out.data(), out.size(), lines.data(), lines.size(), kCompressionLevel));
+  out.resize(ZSTD_compress(out.data(), out.size(), lines.data(), lines.size(), kFrameCompressionLevel));
   return out;
 }
 

@@ -47,9 +47,9 @@ void release(std::span<const std::byte> read) {
   (void)::madvise(data + skipped, (read.size() - skipped) / kPage * kPage, MADV_DONTNEED);
 }
 
-class Scan {
+class FileScan {
  public:
-  Scan(const std::function<bool(const McapMessage&)>& on_message, std::uint64_t file_bytes)
+  FileScan(const std::function<bool(const McapMessage&)>& on_message, std::uint64_t file_bytes)
       : on_message_(on_message), left_(kFree + kLargestTotalRatio * file_bytes) {}
   McapReport report;
 
@@ -212,7 +212,7 @@ McapReader::~McapReader() {
 }
 
 McapReport McapReader::scan(const std::function<bool(const McapMessage&)>& on_message) const {
-  Scan scan(on_message, content_.size());
+  FileScan scan(on_message, content_.size());
   const auto left = scan.records(content_.subspan(mcap::kMagic.size()));
   if (!scan.stopped()) scan.report.unread_bytes = left.size();
   return scan.report;

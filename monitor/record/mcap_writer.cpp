@@ -14,7 +14,7 @@ using mcap::Builder;
 using mcap::Opcode;
 
 constexpr std::string_view kCompression = "zstd";
-constexpr int kCompressionLevel = 1;  // a recorder shares two cores with a robot
+constexpr int kChunkCompressionLevel = 1;  // a recorder shares two cores with a robot
 
 void put_definitions(Bytes& out, std::size_t& schema_bytes, const std::vector<McapTopic>& topics) {
   std::uint16_t id = 0;
@@ -72,7 +72,7 @@ void McapWriter::write(std::uint16_t channel, std::uint64_t log_time, std::span<
 // all.
 McapWriter::ChunkIndex McapWriter::fill_record(std::vector<TopicIndex>& topics) {
   packed_.resize(ZSTD_compressBound(chunk_.size()));
-  packed_.resize(ZSTD_compress(packed_.data(), packed_.size(), chunk_.data(), chunk_.size(), kCompressionLevel));
+  packed_.resize(ZSTD_compress(packed_.data(), packed_.size(), chunk_.data(), chunk_.size(), kChunkCompressionLevel));
   record_.clear();
   Builder(record_)
       .begin(Opcode::chunk)

@@ -42,14 +42,14 @@ std::expected<RecordedRun, std::string> open_run(const std::string& directory) {
 
 namespace {
 
-constexpr std::array kRead{Topic::tick, Topic::command,      Topic::keyframe,
-                           Topic::loss, Topic::policy_input, Topic::image};
+constexpr std::array kTopicsRead{Topic::tick, Topic::command,      Topic::keyframe,
+                                 Topic::loss, Topic::policy_input, Topic::image};
 
-class Scan {
+class RunScan {
  public:
-  explicit Scan(const RunVisitor& visitor) : visitor_(visitor) {
+  explicit RunScan(const RunVisitor& visitor) : visitor_(visitor) {
     for (const McapTopic& topic : run_topics())
-      for (const Topic one : kRead)
+      for (const Topic one : kTopicsRead)
         if (topic.topic == topic_name(one)) topics_.push_back({.topic = one, .wanted = topic});
   }
   ScanReport report;
@@ -190,7 +190,7 @@ class Scan {
 std::expected<ScanReport, std::string> scan_run(const RecordedRun& run, const RunVisitor& visitor) {
   const auto reader = McapReader::open(run.folder.ticks());
   if (!reader) return std::unexpected(reader.error());
-  Scan scan(visitor);
+  RunScan scan(visitor);
   scan.report.file = reader->scan([&](const McapMessage& message) { return scan.message(message); });
   scan.finish(run.manifest.ticks);
   if (!scan.refusal.empty())

@@ -10,6 +10,7 @@
 
 #include "config/printable.hpp"
 #include "executive/contract/version.hpp"
+#include "monitor/record/facts_json.hpp"
 #include "monitor/record/json_error.hpp"
 
 namespace takt::monitor {
@@ -25,10 +26,6 @@ Json moment(MonoTime at, const ClockOffset& clock) {
 
 MonoTime moment_of(const Json& json) {
   return json.is_null() ? MonoTime{} : MonoTime{json.at("monotonic_ns").get<std::int64_t>()};
-}
-
-Json text_or_null(const std::string& text) {
-  return text.empty() ? Json(nullptr) : Json(text);
 }
 
 std::string text_of(const Json& json) {
@@ -153,6 +150,8 @@ std::string whose(const Json& executive) {
 std::expected<RunManifest, std::string> manifest_of(const Json& json) {
   try {
     if (const std::string schema = json.at("schema"); schema != kRunSchema && schema != kFirstRunSchema) {
+      if (schema.starts_with("takt.artifact/"))
+        return std::unexpected("is of a panel's artifact, not of a run; `takt panel --help` says what reads one");
       return std::unexpected(fmt::format("has the format {}, and {} and {} are read: {}", config::printable(schema),
                                          kFirstRunSchema, kRunSchema, whose(facts_in(json))));
     }

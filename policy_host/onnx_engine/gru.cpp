@@ -13,9 +13,9 @@ namespace takt::onnx_engine {
 
 namespace {
 
-constexpr std::size_t gates = 3;
+constexpr std::size_t kGruGates = 3;
 
-struct Direction {
+struct GruDirection {
   RecurrentShape shape;
   std::size_t index;
   bool reset_after;  // linear_before_reset
@@ -33,7 +33,7 @@ struct Direction {
 };
 
 // Both gates of one row; `zr` holds the state's share on entry.
-void gate_row(const Direction& d, const float* input_part, float* zr) noexcept {
+void gate_row(const GruDirection& d, const float* input_part, float* zr) noexcept {
   const std::size_t width = 2 * d.shape.hidden;
   for (std::size_t i = 0; i < width; ++i) {
     zr[i] = (input_part[i] + d.bias.input[i]) + (zr[i] + d.bias.state[i]);
@@ -42,7 +42,7 @@ void gate_row(const Direction& d, const float* input_part, float* zr) noexcept {
 }
 
 // The candidate and the new state of one row; `n` holds the state's share on entry.
-void state_row(const Direction& d, const float* input_part, const float* zr, float* n, float* h) noexcept {
+void state_row(const GruDirection& d, const float* input_part, const float* zr, float* n, float* h) noexcept {
   const std::size_t hidden = d.shape.hidden;
   const float* from_input = input_part + 2 * hidden;
   const float* input_bias = d.bias.input + 2 * hidden;
@@ -55,11 +55,11 @@ void state_row(const Direction& d, const float* input_part, const float* zr, flo
   for (std::size_t i = 0; i < hidden; ++i) h[i] = (1.0F - zr[i]) * n[i] + zr[i] * h[i];
 }
 
-void run_step(const Direction& d, std::size_t t) noexcept {
+void run_gru_step(const GruDirection& d, std::size_t t) noexcept {
   const RecurrentShape& s = d.shape;
-  const float* input_part = d.input_part + t * s.batch * gates * s.hidden;
+  const float* input_part = d.input_part + t * s.batch * kGruGates * s.hidden;
   multiply_panels(d.h, d.zr_from_state.panels, s.batch, s.hidden, 2 * s.hidden, d.zr);
-  for (std::size_t b = 0; b < s.batch; ++b) gate_row(d, input_part + b * gates * s.hidden, d.zr + b * 2 * s.hidden);
+  for (std::size_t b = 0; b < s.batch; ++b) gate_row(d, input_part + b * kGruGates * s.hidden, d.zr + b * 2 * s.hidden);
 
   const float* state = d.h;
   if (!d.reset_after) {
@@ -71,16 +71,17 @@ void run_step(const Direction& d, std::size_t t) noexcept {
   }
   multiply_panels(state, d.n_from_state.panels, s.batch, s.hidden, s.hidden, d.n);
   for (std::size_t b = 0; b < s.batch; ++b) {
-    state_row(d, input_part + b * gates * s.hidden, d.zr + b * 2 * s.hidden, d.n + b * s.hidden, d.h + b * s.hidden);
+    state_row(d, input_part + b * kGruGates * s.hidden, d.zr + b * 2 * s.hidden, d.n + b * s.hidden,
+              d.h + b * s.hidden);
   }
 }
 
-void run_direction(const Direction& d) noexcept {
+void run_gru(const GruDirection& d) noexcept {
   const RecurrentShape& s = d.shape;
-  multiply_panels(d.x, d.from_input.panels, s.sequence * s.batch, s.input, gates * s.hidden, d.input_part);
+  multiply_panels(d.x, d.from_input.panels, s.sequence * s.batch, s.input, kGruGates * s.hidden, d.input_part);
   for (std::size_t step = 0; step < s.sequence; ++step) {
     const std::size_t t = s.time(d.index, step);
-    run_step(d, t);
+    run_gru_step(d, t);
     std::copy_n(d.h, s.state_size(), d.y + (t * s.directions + d.index) * s.state_size());
   }
 }
@@ -88,30 +89,30 @@ void run_direction(const Direction& d) noexcept {
 }  // namespace
 
 void build_gru(Builder& builder, const Node& node) {
-  const RecurrentShape shape(node, gates, {"Sigmoid", "Tanh"});
+  const RecurrentShape shape(node, kGruGates, {"Sigmoid", "Tanh"});
   note_lost_state(builder, node, shape);
   float* y = define_sequence_output(builder, node, shape);
   float* h = define_state(builder, node, 5, 1, shape);
-  float* input_part = builder.allocate(shape.sequence * shape.batch * gates * shape.hidden);
+  float* input_part = builder.allocate(shape.sequence * shape.batch * kGruGates * shape.hidden);
   float* zr = builder.allocate(2 * shape.state_size());
   float* reset = builder.allocate(shape.state_size());
   float* n = builder.allocate(shape.state_size());
   for (std::size_t i = 0; i < shape.directions; ++i) {
-    const Direction direction{.shape = shape,
-                              .index = i,
-                              .reset_after = node.integer("linear_before_reset", 0) != 0,
-                              .from_input = pack_gates(builder, node, 1, shape, gates, i, 0, gates),
-                              .zr_from_state = pack_gates(builder, node, 2, shape, gates, i, 0, 2),
-                              .n_from_state = pack_gates(builder, node, 2, shape, gates, i, 2, 1),
-                              .bias = gate_biases(builder, node, shape, gates, i),
-                              .x = node.float_input(0).floats,
-                              .input_part = input_part,
-                              .zr = zr,
-                              .reset = reset,
-                              .n = n,
-                              .h = h + i * shape.state_size(),
-                              .y = y};
-    builder.each_run([direction]() noexcept { run_direction(direction); });
+    const GruDirection direction{.shape = shape,
+                                 .index = i,
+                                 .reset_after = node.integer("linear_before_reset", 0) != 0,
+                                 .from_input = pack_gates(builder, node, 1, shape, kGruGates, i, 0, kGruGates),
+                                 .zr_from_state = pack_gates(builder, node, 2, shape, kGruGates, i, 0, 2),
+                                 .n_from_state = pack_gates(builder, node, 2, shape, kGruGates, i, 2, 1),
+                                 .bias = gate_biases(builder, node, shape, kGruGates, i),
+                                 .x = node.float_input(0).floats,
+                                 .input_part = input_part,
+                                 .zr = zr,
+                                 .reset = reset,
+                                 .n = n,
+                                 .h = h + i * shape.state_size(),
+                                 .y = y};
+    builder.each_run([direction]() noexcept { run_gru(direction); });
   }
 }
 

@@ -41,7 +41,7 @@ bool is_one_of(const auto& names, std::string_view name) {
   return std::ranges::find(names, name) != names.end();
 }
 
-void infer_shapes(onnx::ModelProto& model) {
+void infer_every_shape(onnx::ModelProto& model) {
   onnx::shape_inference::InferShapes(model, onnx::OpSchemaRegistry::Instance(), {true, 1, true});
 }
 
@@ -211,7 +211,7 @@ void lift(onnx::ModelProto& model, std::int64_t target) {
   }
   make_constants_initializers(graph);
   model.set_ir_version(std::max(model.ir_version(), kInitializersAlone));
-  infer_shapes(model);
+  infer_every_shape(model);
   std::vector<onnx::NodeProto> nodes;
   for (onnx::NodeProto& node : *graph.mutable_node()) {
     lift_node(graph, node, opset, nodes);

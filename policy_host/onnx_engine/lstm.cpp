@@ -11,9 +11,9 @@ namespace takt::onnx_engine {
 
 namespace {
 
-constexpr std::size_t gates = 4;
+constexpr std::size_t kLstmGates = 4;
 
-struct Direction {
+struct LstmDirection {
   RecurrentShape shape;
   std::size_t index;
   PackedWeights from_input;
@@ -28,9 +28,9 @@ struct Direction {
 };
 
 // `gate` holds the state's share on entry; order i, o, f, c.
-void step_row(const Direction& d, const float* input_part, float* gate, float* h, float* c) noexcept {
+void step_row(const LstmDirection& d, const float* input_part, float* gate, float* h, float* c) noexcept {
   const std::size_t n = d.shape.hidden;
-  for (std::size_t i = 0; i < gates * n; ++i) {
+  for (std::size_t i = 0; i < kLstmGates * n; ++i) {
     gate[i] = (input_part[i] + d.bias.input[i]) + (gate[i] + d.bias.state[i]);
   }
   map_lanes(gate, gate, 3 * n, [](const Lane& x) noexcept { return lane_sigmoid(x); });
@@ -40,9 +40,9 @@ void step_row(const Direction& d, const float* input_part, float* gate, float* h
   for (std::size_t i = 0; i < n; ++i) h[i] *= gate[n + i];
 }
 
-void run_direction(const Direction& d) noexcept {
+void run_lstm(const LstmDirection& d) noexcept {
   const RecurrentShape& s = d.shape;
-  const std::size_t width = gates * s.hidden;
+  const std::size_t width = kLstmGates * s.hidden;
   multiply_panels(d.x, d.from_input.panels, s.sequence * s.batch, s.input, width, d.input_part);
   for (std::size_t step = 0; step < s.sequence; ++step) {
     const std::size_t t = s.time(d.index, step);
@@ -57,26 +57,26 @@ void run_direction(const Direction& d) noexcept {
 }  // namespace
 
 void build_lstm(Builder& builder, const Node& node) {
-  const RecurrentShape shape(node, gates, {"Sigmoid", "Tanh", "Tanh"});
+  const RecurrentShape shape(node, kLstmGates, {"Sigmoid", "Tanh", "Tanh"});
   note_lost_state(builder, node, shape);
   float* y = define_sequence_output(builder, node, shape);
   float* h = define_state(builder, node, 5, 1, shape);
   float* c = define_state(builder, node, 6, 2, shape);
-  float* input_part = builder.allocate(shape.sequence * shape.batch * gates * shape.hidden);
-  float* gate = builder.allocate(shape.batch * gates * shape.hidden);
+  float* input_part = builder.allocate(shape.sequence * shape.batch * kLstmGates * shape.hidden);
+  float* gate = builder.allocate(shape.batch * kLstmGates * shape.hidden);
   for (std::size_t i = 0; i < shape.directions; ++i) {
-    const Direction direction{.shape = shape,
-                              .index = i,
-                              .from_input = pack_gates(builder, node, 1, shape, gates, i, 0, gates),
-                              .from_state = pack_gates(builder, node, 2, shape, gates, i, 0, gates),
-                              .bias = gate_biases(builder, node, shape, gates, i),
-                              .x = node.float_input(0).floats,
-                              .input_part = input_part,
-                              .gate = gate,
-                              .h = h + i * shape.state_size(),
-                              .c = c + i * shape.state_size(),
-                              .y = y};
-    builder.each_run([direction]() noexcept { run_direction(direction); });
+    const LstmDirection direction{.shape = shape,
+                                  .index = i,
+                                  .from_input = pack_gates(builder, node, 1, shape, kLstmGates, i, 0, kLstmGates),
+                                  .from_state = pack_gates(builder, node, 2, shape, kLstmGates, i, 0, kLstmGates),
+                                  .bias = gate_biases(builder, node, shape, kLstmGates, i),
+                                  .x = node.float_input(0).floats,
+                                  .input_part = input_part,
+                                  .gate = gate,
+                                  .h = h + i * shape.state_size(),
+                                  .c = c + i * shape.state_size(),
+                                  .y = y};
+    builder.each_run([direction]() noexcept { run_lstm(direction); });
   }
 }
 

@@ -14,10 +14,10 @@ struct Entry {
   OperatorForm form;
 };
 
-constexpr std::size_t any_number = 1'000'000;
+constexpr std::size_t kAnyNumber = 1'000'000;
 
 // Sorted, for the reader.
-constexpr auto table = std::to_array<Entry>({
+constexpr auto kOperators = std::to_array<Entry>({
     {"Abs", build_abs, {}},
     {"Acos", build_acos, {}},
     {"Acosh", build_acosh, {}},
@@ -40,7 +40,7 @@ constexpr auto table = std::to_array<Entry>({
     {"Ceil", build_ceil, {}},
     {"Celu", build_celu, {.attributes = "alpha"}},
     {"Clip", build_clip, {.most_inputs = 3, .attributes = "min max"}},
-    {"Concat", build_concat, {.most_inputs = any_number, .attributes = "axis"}},
+    {"Concat", build_concat, {.most_inputs = kAnyNumber, .attributes = "axis"}},
     {"Constant",
      build_constant,
      {.most_inputs = 0,
@@ -57,7 +57,7 @@ constexpr auto table = std::to_array<Entry>({
     {"DepthToSpace", build_depth_to_space, {.attributes = "blocksize mode"}},
     {"Div", build_div, {.most_inputs = 2}},
     {"Dropout", build_dropout, {.most_inputs = 3, .most_outputs = 2, .attributes = "ratio seed"}},
-    {"Einsum", build_einsum, {.most_inputs = any_number, .attributes = "equation"}},
+    {"Einsum", build_einsum, {.most_inputs = kAnyNumber, .attributes = "equation"}},
     {"Elu", build_elu, {.attributes = "alpha"}},
     {"Equal", build_equal, {.most_inputs = 2}},
     {"Erf", build_erf, {}},
@@ -84,7 +84,7 @@ constexpr auto table = std::to_array<Entry>({
     {"HardSwish", build_hard_swish, {}},
     {"Hardmax", build_hardmax, {.attributes = "axis"}},
     {"Identity", build_identity, {}},
-    {"If", build_if, {.most_outputs = any_number, .attributes = "else_branch then_branch"}},
+    {"If", build_if, {.most_outputs = kAnyNumber, .attributes = "else_branch then_branch"}},
     {"InstanceNormalization", build_instance_normalization, {.most_inputs = 3, .attributes = "epsilon"}},
     {"LSTM",
      build_lstm,
@@ -100,12 +100,12 @@ constexpr auto table = std::to_array<Entry>({
     {"Log", build_log, {}},
     {"LogSoftmax", build_log_softmax, {.attributes = "axis"}},
     {"MatMul", build_matmul, {.most_inputs = 2}},
-    {"Max", build_max, {.most_inputs = any_number}},
+    {"Max", build_max, {.most_inputs = kAnyNumber}},
     {"MaxPool",
      build_max_pool,
      {.most_outputs = 2, .attributes = "auto_pad ceil_mode dilations kernel_shape pads storage_order strides"}},
-    {"Mean", build_mean, {.most_inputs = any_number}},
-    {"Min", build_min, {.most_inputs = any_number}},
+    {"Mean", build_mean, {.most_inputs = kAnyNumber}},
+    {"Min", build_min, {.most_inputs = kAnyNumber}},
     {"Mish", build_mish, {}},
     {"Mod", build_mod, {.most_inputs = 2, .attributes = "fmod"}},
     {"Mul", build_mul, {.most_inputs = 2}},
@@ -150,11 +150,11 @@ constexpr auto table = std::to_array<Entry>({
     {"Softplus", build_softplus, {}},
     {"Softsign", build_softsign, {}},
     {"SpaceToDepth", build_space_to_depth, {.attributes = "blocksize"}},
-    {"Split", build_split, {.most_inputs = 2, .most_outputs = any_number, .attributes = "axis split num_outputs"}},
+    {"Split", build_split, {.most_inputs = 2, .most_outputs = kAnyNumber, .attributes = "axis split num_outputs"}},
     {"Sqrt", build_sqrt, {}},
     {"Squeeze", build_squeeze, {.most_inputs = 2, .attributes = "axes"}},
     {"Sub", build_sub, {.most_inputs = 2}},
-    {"Sum", build_sum, {.most_inputs = any_number}},
+    {"Sum", build_sum, {.most_inputs = kAnyNumber}},
     {"Tan", build_tan, {}},
     {"Tanh", build_tanh, {}},
     {"ThresholdedRelu", build_thresholded_relu, {.attributes = "alpha"}},
@@ -167,8 +167,8 @@ constexpr auto table = std::to_array<Entry>({
 });
 
 const Entry* find_entry(std::string_view op_type) {
-  const auto* found = std::ranges::find(table, op_type, &Entry::op_type);
-  return found == table.end() ? nullptr : found;
+  const auto* found = std::ranges::find(kOperators, op_type, &Entry::op_type);
+  return found == kOperators.end() ? nullptr : found;
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ static_assert(sizeof(Observation) == 64 + 5 * sizeof(Positions) + sizeof(ImuSamp
 static_assert(kMaxJoints == 64 && kMaxSensorValues == 256);
 constexpr Duration kAttachRetry = milliseconds(200);
 constexpr Duration kLongestWait = milliseconds(100);  // it may be told to end meanwhile
-constexpr Duration kReportPeriod = seconds(10);
+constexpr Duration kBridgeReportPeriod = seconds(10);
 
 GateFacts facts_of(const config::RobotConfig& robot, std::uint64_t policy_hash) {
   return {.config_hash = robot.hash,
@@ -292,7 +292,7 @@ void Bridge::state_problem(MonoTime now) {
 }
 
 void Bridge::report(MonoTime now) {
-  if (now - reported_ < kReportPeriod) return;
+  if (now - reported_ < kBridgeReportPeriod) return;
   reported_ = now;
   dds_publication_matched_status_t matched{};
   dds_get_publication_matched_status(observations_, &matched);

@@ -23,7 +23,7 @@ MonoTime oldest(MonoTime joints, MonoTime outside) {
 
 constexpr Duration kLook = microseconds(200);  // for an answer that is due
 constexpr Duration kIdle = milliseconds(5);    // while none is
-constexpr Duration kReportPeriod = seconds(10);
+constexpr Duration kServerReportPeriod = seconds(10);
 constexpr std::uint64_t kForget = 1000;  // a gap of ids after which every policy forgets (policy_host/continuity.hpp)
 
 }  // namespace
@@ -223,7 +223,7 @@ void Server::tell_status(MonoTime now) {
 }
 
 void Server::report(MonoTime now) {
-  if (now - reported_ < kReportPeriod) return;
+  if (now - reported_ < kServerReportPeriod) return;
   reported_ = now;
   spdlog::info("{} observations shown, {} answers sent; {} observations came without their samples{}", shown_,
                answered_, incomplete_,

@@ -65,7 +65,7 @@ std::string mode_text(std::uint32_t mode) {
   return std::to_string(mode) + (mode >= 8 && mode - 8 < kFrom8.size() ? kFrom8[mode - 8] : "");
 }
 
-CardRow mode_row(config::Cia402Mode mode) {
+CardRow cia402_mode_row(config::Cia402Mode mode) {
   return {.item = CardItem::mode,
           .source = "object 6061:00",
           .expected = mode_text(mode == config::Cia402Mode::csp   ? 8
@@ -144,7 +144,7 @@ std::vector<CardRow> cia402_card_rows(const config::RobotConfig& robot, std::siz
       untold(hardware),
       words_row(firmware, "object 1018:03", {kRevision}, WordStyle::hex, revision),
       text_row(),
-      mode_row(drive.mode)};
+      cia402_mode_row(drive.mode)};
   for (CardRow& row : torque_rows(drive)) rows.push_back(std::move(row));
   if (drive.mode == config::Cia402Mode::csv) rows.push_back(unit_row());
   if (drive.mode == config::Cia402Mode::csp) rows.push_back(following_row(robot.joints[joint]));

@@ -13,7 +13,7 @@
 namespace takt::drivers {
 namespace {
 
-constexpr std::uint8_t kRead = 0x33, kWrite = 0x55;
+constexpr std::uint8_t kReadRegister = 0x33, kWriteRegister = 0x55;
 constexpr std::uint32_t kMitMode = 1;
 constexpr std::uint32_t kTicksPerQuestion = 4;  // several drives that are asked at once must not crowd the bus
 // The drive computes with the float32 it stores; the robot file's number went through the same rounding.
@@ -41,11 +41,11 @@ CanFrame register_frame(std::uint32_t drive_id, std::uint8_t operation, DamiaoRe
 }  // namespace
 
 CanFrame encode_damiao_question(std::uint32_t drive_id, DamiaoRegister which) noexcept {
-  return register_frame(drive_id, kRead, which);
+  return register_frame(drive_id, kReadRegister, which);
 }
 
 CanFrame encode_damiao_order(std::uint32_t drive_id, DamiaoRegister which, std::uint32_t value) noexcept {
-  CanFrame frame = register_frame(drive_id, kWrite, which);
+  CanFrame frame = register_frame(drive_id, kWriteRegister, which);
   put_u32(frame.data + 4, value);
   return frame;
 }
@@ -55,10 +55,10 @@ std::optional<DamiaoAnswer> decode_damiao_answer(std::uint32_t drive_id, const C
   if (!plain || frame.length != 8) return std::nullopt;
   const std::uint8_t* data = frame.data;
   const auto which = static_cast<DamiaoRegister>(data[3]);
-  const bool about_it =
-      (std::uint32_t{data[0]} | std::uint32_t{data[1]} << 8U) == drive_id && (data[2] == kRead || data[2] == kWrite);
+  const bool about_it = (std::uint32_t{data[0]} | std::uint32_t{data[1]} << 8U) == drive_id &&
+                        (data[2] == kReadRegister || data[2] == kWriteRegister);
   if (!about_it || std::ranges::find(kAsked, which) == kAsked.end()) return std::nullopt;
-  return DamiaoAnswer{which, get_u32(data + 4), data[2] == kRead};
+  return DamiaoAnswer{which, get_u32(data + 4), data[2] == kReadRegister};
 }
 
 std::optional<CanFrame> DamiaoReadback::next() noexcept {

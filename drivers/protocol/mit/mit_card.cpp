@@ -15,7 +15,7 @@ CardRow number_row(CardItem item, const char* source, DamiaoRegister which, cons
   return words_row(item, source, {key(which)}, WordStyle::decimal, words.value_or(DriveWords{}));
 }
 
-CardRow mode_row() {
+CardRow mit_mode_row() {
   constexpr std::uint32_t kMitMode = 1;
   return {.item = CardItem::mode,
           .source = "register 10",
@@ -37,7 +37,7 @@ std::vector<CardRow> mit_card_rows(const config::RobotConfig& robot, std::size_t
   return {number_row(identity, "register 15", DamiaoRegister::serial_number, drive.identity),
           number_row(hardware, "register 13", DamiaoRegister::hardware, {}),
           number_row(firmware, "register 14", DamiaoRegister::firmware, drive.firmware),
-          mode_row(),
+          mit_mode_row(),
           range_row(position_range, "register 21", key(DamiaoRegister::p_max), drive.position_range, "rad"),
           range_row(velocity_range, "register 22", key(DamiaoRegister::v_max), drive.velocity_range, "rad/s"),
           range_row(torque_range, "register 23", key(DamiaoRegister::t_max), drive.torque_range, "Nm"),

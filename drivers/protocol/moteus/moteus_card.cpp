@@ -5,7 +5,7 @@
 namespace takt::drivers {
 namespace {
 
-constexpr std::uint32_t kHome = 0x00C, kModel = 0x100, kFirmware = 0x101, kSerial = 0x120;
+constexpr std::uint32_t kHome = 0x00C, kModel = 0x100, kFirmwareVersion = 0x101, kSerialNumber = 0x120;
 
 CardRow watchdog_in_commands() {
   return {.item = CardItem::watchdog,
@@ -35,10 +35,10 @@ std::vector<CardRow> moteus_card_rows(const config::RobotConfig& robot, std::siz
   const config::Drive& drive = robot.joints.at(joint).drive;
   const auto serial = words_of("", drive.identity, {.style = WordStyle::hex, .least = 3, .most = 3});
   const auto version = words_of("", drive.firmware, {.style = WordStyle::version});
-  return {words_row(identity, "registers 120 to 122", {kSerial, kSerial + 1, kSerial + 2}, WordStyle::hex,
-                    serial.value_or(DriveWords{})),
+  return {words_row(identity, "registers 120 to 122", {kSerialNumber, kSerialNumber + 1, kSerialNumber + 2},
+                    WordStyle::hex, serial.value_or(DriveWords{})),
           words_row(hardware, "register 100", {kModel}, WordStyle::hex, {}),
-          words_row(firmware, "register 101", {kFirmware}, WordStyle::version, version.value_or(DriveWords{})),
+          words_row(firmware, "register 101", {kFirmwareVersion}, WordStyle::version, version.value_or(DriveWords{})),
           untold(mode),
           untold(torque_range),
           watchdog_in_commands(),
@@ -49,9 +49,10 @@ void moteus_settings_told(const config::Drive& drive, const CanFrame& frame, Tol
   if (frame.id != drive.id << 8U) return;
   const MoteusFacts facts = decode_moteus_facts(frame);
   if (facts.model) told.add(kModel, *facts.model);
-  if (facts.firmware) told.add(kFirmware, facts.firmware->word[0]);
+  if (facts.firmware) told.add(kFirmwareVersion, facts.firmware->word[0]);
   if (facts.home) told.add(kHome, *facts.home);
-  for (std::uint32_t i = 0; facts.serial_number && i < 3; ++i) told.add(kSerial + i, facts.serial_number->word[i]);
+  for (std::uint32_t i = 0; facts.serial_number && i < 3; ++i)
+    told.add(kSerialNumber + i, facts.serial_number->word[i]);
 }
 
 }  // namespace takt::drivers

@@ -5,7 +5,7 @@
 namespace takt::drivers {
 namespace {
 
-constexpr std::uint32_t kHardware = 0, kFirmware = 1;
+constexpr std::uint32_t kHardwareMessage = 0, kFirmwareMessage = 1;
 
 }  // namespace
 
@@ -13,8 +13,8 @@ std::vector<CardRow> odrive_card_rows(const config::RobotConfig& robot, std::siz
   using enum CardItem;
   const auto expected = words_of("", robot.joints.at(joint).drive.firmware, {.style = WordStyle::version});
   return {untold(identity),
-          words_row(hardware, "message 00", {kHardware}, WordStyle::version, {}),
-          words_row(firmware, "message 00", {kFirmware}, WordStyle::version, expected.value_or(DriveWords{})),
+          words_row(hardware, "message 00", {kHardwareMessage}, WordStyle::version, {}),
+          words_row(firmware, "message 00", {kFirmwareMessage}, WordStyle::version, expected.value_or(DriveWords{})),
           untold(mode),
           untold(torque_range),
           untold(watchdog),
@@ -24,8 +24,8 @@ std::vector<CardRow> odrive_card_rows(const config::RobotConfig& robot, std::siz
 void odrive_settings_told(const config::Drive& drive, const CanFrame& frame, ToldSettings& told) {
   const auto version = decode_odrive_version(drive.id, frame);
   if (!version) return;
-  told.add(kHardware, version->hardware);
-  told.add(kFirmware, version->firmware);
+  told.add(kHardwareMessage, version->hardware);
+  told.add(kFirmwareMessage, version->firmware);
 }
 
 }  // namespace takt::drivers

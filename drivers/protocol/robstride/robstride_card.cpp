@@ -13,7 +13,7 @@ constexpr std::uint32_t key(RobstrideParameter which) {
   return static_cast<std::uint32_t>(which);
 }
 
-CardRow mode_row() {
+CardRow robstride_mode_row() {
   return {.item = CardItem::mode,
           .source = "parameter 7005",
           .expected = "0 (motion)",
@@ -45,7 +45,7 @@ std::vector<CardRow> robstride_card_rows(const config::RobotConfig& robot, std::
                     expected.value_or(DriveWords{})),
           untold(hardware),
           untold(firmware),
-          mode_row(),
+          robstride_mode_row(),
           untold(position_range),
           untold(velocity_range),
           untold(torque_range),

@@ -7,8 +7,8 @@
 namespace takt::drivers {
 namespace {
 
-constexpr std::uint32_t kIdentity = 0, kMotion = 1, kFeedback = 2, kEnable = 3, kStop = 4, kRead = 17, kWrite = 18,
-                        kFaultReport = 21, kActiveReport = 24;
+constexpr std::uint32_t kIdentity = 0, kMotion = 1, kFeedback = 2, kEnable = 3, kStop = 4, kReadParameter = 17,
+                        kWriteParameter = 18, kFaultReport = 21, kActiveReport = 24;
 constexpr std::uint32_t kEveryHost = 0xFE;
 constexpr float kTop = 65535.0F;
 
@@ -102,12 +102,12 @@ CanFrame encode_robstride_get_id(RobstrideAddress address) noexcept {
 }
 
 CanFrame encode_robstride_question(RobstrideAddress address, RobstrideParameter parameter) noexcept {
-  return parameter_frame(address, kRead, parameter);
+  return parameter_frame(address, kReadParameter, parameter);
 }
 
 CanFrame encode_robstride_setting(RobstrideAddress address, RobstrideParameter parameter,
                                   std::uint32_t value) noexcept {
-  CanFrame frame = parameter_frame(address, kWrite, parameter);
+  CanFrame frame = parameter_frame(address, kWriteParameter, parameter);
   for (unsigned i = 0; i < 4; ++i) frame.data[4 + i] = byte_of(value, i);
   return frame;
 }
@@ -122,7 +122,7 @@ std::optional<RobstrideKind> robstride_kind(RobstrideAddress address, const CanF
   switch (type) {
     case kFeedback:
       return RobstrideKind::feedback;
-    case kRead:
+    case kReadParameter:
       return RobstrideKind::answer;
     case kFaultReport:
       return RobstrideKind::fault_report;
