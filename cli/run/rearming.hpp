@@ -26,7 +26,7 @@ class Rearming {
   explicit Rearming(std::optional<Duration> after) : after_(after) {}
 
   // What the person does who sees `mode` at `now`. The first arming is another's. `stopped_by_another`: an operator
-  // asked for the newest stop, and it was not this one.
+  // asked for a stop in the newest one or since, and it was not this one.
   OperatorStep next(Mode mode, bool stopped_by_another, Duration now);
 
  private:

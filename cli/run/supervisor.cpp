@@ -375,7 +375,7 @@ void Supervisor::see(const OperatorReply& reply) {
   }
   display_.show(answered_at_ - tracking_since_.value_or(*ready_at_), status);
   if (tracks) asked_to_stop_ = false;
-  rearm(status.tick.mode, reply.incident.asked != 0 && !asked_to_stop_);
+  rearm(status.tick.mode, reply.incident.stop_asked != 0 && !asked_to_stop_);
 }
 
 void Supervisor::look_for_socket() {

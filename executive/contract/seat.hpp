@@ -6,6 +6,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string_view>
 
 #include "executive/contract/layout.hpp"
@@ -22,6 +23,27 @@ constexpr std::string_view name(Seat seat) {
   constexpr std::array<std::string_view, kSeatCount> names{"policy", "fallback", "candidate"};
   const auto index = static_cast<std::size_t>(seat);
   return index < names.size() ? names[index] : "invalid";
+}
+
+// Whose chunk the robot follows in a tick, or whose message is told of: the candidate never moves the robot, it becomes
+// the policy.
+enum class Player : std::uint8_t { none, policy, fallback, candidate };
+inline constexpr std::size_t kPlayerCount = 1 + kSeatCount;
+inline constexpr std::size_t kMoverCount = 3;  // the first of them: whose chunk a robot can follow
+
+constexpr std::string_view name(Player player) {
+  constexpr std::array<std::string_view, kPlayerCount> names{"none", "policy", "fallback", "candidate"};
+  const auto index = static_cast<std::size_t>(player);
+  return index < names.size() ? names[index] : "invalid";
+}
+
+// None: of no seat, or no player at all.
+constexpr std::optional<Seat> seat_of(Player player) {
+  if (player == Player::none || static_cast<std::size_t>(player) >= kPlayerCount) return std::nullopt;
+  return static_cast<Seat>(static_cast<std::size_t>(player) - 1);
+}
+constexpr Player player_of(Seat seat) {
+  return static_cast<Player>(static_cast<std::size_t>(seat) + 1);
 }
 
 // One of each seat. Index: any Seat of kSeats.

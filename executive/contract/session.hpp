@@ -173,16 +173,18 @@ struct IncidentNote {
   std::uint32_t error_code = 0;  // the drive's own
   Mode mode = Mode::standby;     // entered
   Cause cause = Cause::none;
-  std::uint8_t asked = 0;    // 1: a person wanted it
-  std::uint8_t stands = 0;   // 1: the robot still stands in it
-  char where[96] = {};       // "joint elbow"; empty: the robot as a whole
-  char sentence[1024] = {};  // cut off where it does not fit
+  std::uint8_t asked = 0;       // 1: a person wanted it
+  std::uint8_t stands = 0;      // 1: the robot still stands in it
+  char where[95] = {};          // "joint elbow"; empty: the robot as a whole
+  std::uint8_t stop_asked = 0;  // 1: an operator asked for a stop then or since
+  char sentence[1024] = {};     // cut off where it does not fit
 };
 template <std::same_as<IncidentNote> Of>
 constexpr auto fields_of(Shared<Of>) {
   return std::array{
-      TAKT_FIELD(tick),  TAKT_FIELD(at),    TAKT_FIELD(first_tick), TAKT_FIELD(error_code), TAKT_FIELD(mode),
-      TAKT_FIELD(cause), TAKT_FIELD(asked), TAKT_FIELD(stands),     TAKT_FIELD(where),      TAKT_FIELD(sentence),
+      TAKT_FIELD(tick),  TAKT_FIELD(at),         TAKT_FIELD(first_tick), TAKT_FIELD(error_code),
+      TAKT_FIELD(mode),  TAKT_FIELD(cause),      TAKT_FIELD(asked),      TAKT_FIELD(stands),
+      TAKT_FIELD(where), TAKT_FIELD(stop_asked), TAKT_FIELD(sentence),
   };
 }
 

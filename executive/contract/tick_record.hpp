@@ -61,27 +61,6 @@ constexpr auto fields_of(Shared<Of>) {
   };
 }
 
-// Whose chunk the robot follows in a tick, or whose message is told of: the candidate never moves the robot, it becomes
-// the policy.
-enum class Player : std::uint8_t { none, policy, fallback, candidate };
-inline constexpr std::size_t kPlayerCount = 1 + kSeatCount;
-inline constexpr std::size_t kMoverCount = 3;  // the first of them: whose chunk a robot can follow
-
-constexpr std::string_view name(Player player) {
-  constexpr std::array<std::string_view, kPlayerCount> names{"none", "policy", "fallback", "candidate"};
-  const auto index = static_cast<std::size_t>(player);
-  return index < names.size() ? names[index] : "invalid";
-}
-
-// None: of no seat, or no player at all.
-constexpr std::optional<Seat> seat_of(Player player) {
-  if (player == Player::none || static_cast<std::size_t>(player) >= kPlayerCount) return std::nullopt;
-  return static_cast<Seat>(static_cast<std::size_t>(player) - 1);
-}
-constexpr Player player_of(Seat seat) {
-  return static_cast<Player>(static_cast<std::size_t>(seat) + 1);
-}
-
 // The policy of one seat, judged in every tick. All zero where the robot has none there.
 struct SeatRecord {
   std::uint64_t command_sequence_seen = 0;  // input: of the message read this tick; 0 none

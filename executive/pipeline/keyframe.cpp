@@ -12,12 +12,15 @@
 #include <cstring>
 #include <numeric>
 #include <string>
+#include <type_traits>
 
 #include "executive/contract/layout.hpp"
 #include "executive/pipeline/tick_state.hpp"
 
 namespace takt::pipeline {
 namespace {
+
+struct Nothing {};
 
 struct KeyframeHeader {
   std::uint64_t magic = kMagic;
@@ -29,8 +32,9 @@ struct KeyframeHeader {
   std::uint32_t remembered = 0;
   PerSeat<std::uint32_t> chunk_bytes{};  // of the chunks in use
   std::uint32_t waiting_bytes = 0;       // of the one that waits
+  [[no_unique_address]] std::conditional_t<kSeatCount % 2 == 1, Nothing, std::uint32_t> reserved{};  // no padding
 };
-static_assert(sizeof(KeyframeHeader) == 56);
+static_assert(sizeof(KeyframeHeader) == 40 + 4 * (kSeatCount + 1 + (kSeatCount + 1) % 2));
 
 constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickState)},
                                                     {offsetof(TickState, mode), sizeof(ModeState)},

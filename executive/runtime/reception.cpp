@@ -226,6 +226,8 @@ IncidentNote Reception::incident() const {
   note.cause = incident->cause;
   note.asked = incident->asked ? 1 : 0;
   note.stands = incidents->stands() ? 1 : 0;
+  for (const OperatorRequest stop : {OperatorRequest::stop, OperatorRequest::press_stop, OperatorRequest::deenergise})
+    if (parts_.follower.last_read(stop) >= incident->tick) note.stop_asked = 1;
   incident->where.copy(note.where, sizeof note.where - 1);
   incident::with_known_reason(incident->sentence, words_.problem_since(Role::policy, incident->at))
       .copy(note.sentence, sizeof note.sentence - 1);

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Goal: two operators arm one robot, and neither harms it: who comes second finds it armed. Method: `takt run --arm` stands still (SIGSTOP) once it
 has started its last process; meanwhile `takt arm` arms the robot; then `takt run` goes on. And a person's stop stays under --rearm-after: the robot
-is watched for ten times as long as that waits, then that person arms it. And what the other says of a mark is in the run.
+is watched for longer than that waits, then that person arms it; also where the robot had stopped itself before. And what the other says of a mark is in the run.
 Usage: armed_by_another_test.py SOURCE_DIR BIN_DIR
 """
 import json
@@ -28,14 +28,17 @@ def has_child(run, program, deadline):
     return False
 
 
-def a_persons_stop_stays(programs, file, folder):
-    """Empty: it does."""
-    robot = Operated(programs, folder / "again")
-    run = robot.start(file, folder / "rearmed", "--rearm-after", "200ms", "--to-the-end", duration="60s")
+def a_persons_stop_stays(programs, file, folder, *, in_its_own):
+    """Empty: it does. `in_its_own`: the person stops a robot that has stopped itself, of a policy that comes back before it would be armed again."""
+    robot = Operated(programs, folder / f"again-{in_its_own}")
+    after_ms, trouble = (2500, ["--at", "1s: freeze policy 1500ms"]) if in_its_own else (200, [])
+    run = robot.start(file, folder / f"rearmed-{in_its_own}", "--rearm-after", f"{after_ms}ms", "--to-the-end", *trouble, duration="60s")
     tracks = robot.wait_until(lambda status: status.get("mode") == "tracking")
+    if in_its_own:
+        tracks = tracks and robot.wait_until(lambda status: status.get("mode") == "damped_stop")
     robot.ask("stop")
     stopped = robot.wait_until(lambda status: status.get("mode") == "damped_stop")
-    watched_until = time.monotonic() + 2
+    watched_until = time.monotonic() + max(2, 2 * after_ms / 1000)
     modes = set()
     while time.monotonic() < watched_until:
         modes.add(robot.status().get("mode"))
@@ -79,9 +82,10 @@ def main():
         if run.returncode != 0 or "refused" in said:
             print(said, f"WRONG: armed by another, takt run ended with {run.returncode}", sep="\n")
             return 1
-        if wrong := a_persons_stop_stays(programs, file, folder):
-            print(wrong)
-            return 1
+        for in_its_own in (False, True):
+            if wrong := a_persons_stop_stays(programs, file, folder, in_its_own=in_its_own):
+                print(f"in its own stop: {in_its_own}", wrong)
+                return 1
     return 0
 
 
