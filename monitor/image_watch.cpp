@@ -15,6 +15,7 @@
 #include "executive/ipc/executive_segments.hpp"
 #include "monitor/executive_session.hpp"
 #include "monitor/record/image_file.hpp"
+#include "monitor/record/png_image.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -26,6 +27,7 @@ constexpr Duration kRound = milliseconds(5);
 constexpr Duration kPatience = seconds(1);
 constexpr std::size_t kMostBytes = std::size_t{64} << 20U;
 constexpr std::size_t kFewestImages = 4;
+constexpr double kPictureBytesPerSecond = 256 * 1024;
 constexpr std::size_t kMostRequests = 8192;
 constexpr std::size_t kRememberedRequests = 256;
 
@@ -114,7 +116,8 @@ ImageWatch::ImageWatch(const std::string& runtime_directory, const config::Robot
     : cameras_(robot.sensors.size()),
       sensors_(robot.sensors),
       asked_(robot.sensors.size()),
-      store_(folder, robot.record.images) {
+      store_(folder, robot.record.images),
+      picture_bytes_(robot.sensors.size(), ByteAllowance(kPictureBytesPerSecond)) {
   if (config::largest_policy_input(robot) == 0) return;
   bool any = false;
   for (std::size_t i = 0; i < sensors_.size(); ++i) {
@@ -212,8 +215,22 @@ void ImageWatch::write(const std::stop_token& stop) {
     lock.unlock();
     job.image.file = store_.keep(job.image, job.seen->content, monotonic_now());
     tell(job.image);
+    if (job.image.file == ImageFile::stored) draw(job.image, *job.seen);
     lock.lock();
   }
+}
+
+void ImageWatch::draw(const ShownImage& image, const Seen& seen) {
+  ByteAllowance& allowance = picture_bytes_[image.sensor];
+  if (!allowance.has_any(monotonic_now())) return;
+  const std::span<const char> file = seen.content;
+  ShownPicture picture{.sensed_at = image.sensed_at,
+                       .sensor = image.sensor,
+                       .png = png_image(image.shape, std::as_bytes(file.last(image.shape.bytes())))};
+  if (picture.png.empty()) return;
+  allowance.take(picture.png.size());
+  const std::scoped_lock lock(results_mutex_);
+  pictures_.push_back(std::move(picture));
 }
 
 void ImageWatch::tell(const ShownImage& image) {
@@ -223,9 +240,11 @@ void ImageWatch::tell(const ShownImage& image) {
 
 void ImageWatch::hand_on(const RecordSink& sink) {
   std::vector<ShownImage> results;
+  std::vector<ShownPicture> pictures;
   {
     const std::scoped_lock lock(results_mutex_);
     results.swap(results_);
+    pictures.swap(pictures_);
   }
   std::array<std::uint64_t, kImageFileNames.size()> without{};
   for (const ShownImage& image : results) {
@@ -236,6 +255,7 @@ void ImageWatch::hand_on(const RecordSink& sink) {
     if (without[file] != 0)
       sink.loss({std::string(kImageLoss), std::string(kImageFileNames[file]), without[file], 0, 0});
   }
+  for (const ShownPicture& picture : pictures) sink.picture(picture);
 }
 
 void ImageWatch::finish(const RecordSink& sink) {

@@ -3,6 +3,8 @@
 // the newest images in memory. When a policy's process says that one of them was shown (policy_input.hpp), it is
 // hashed, written into the run folder (record/image_store.hpp) and handed on as a ShownImage. So a file's bytes are the
 // sensor's, not the policy's word; that the policy was shown them remains its claim.
+// For viewers it is handed on as a PNG too (ShownPicture), of each camera as many of those
+// written as fit into 256 KiB/s in the mean.
 //
 // Two threads of its own: one reads and hashes and waits for no disk, one writes. Memory is bounded: 64 MiB of images
 // of each sensor not asked for yet, and as much waiting for the disk. An image that is asked for and not there,
@@ -28,6 +30,7 @@
 #include "executive/ipc/rendezvous.hpp"
 #include "executive/ipc/segment.hpp"
 #include "executive/ipc/slot_ring.hpp"
+#include "monitor/record/byte_allowance.hpp"
 #include "monitor/record/image_store.hpp"
 #include "monitor/record/policy_input_message.hpp"
 #include "monitor/record/record_stream.hpp"
@@ -44,7 +47,8 @@ class ImageWatch {
 
   // What a policy's process said.
   void shown(const PolicyInput& input);
-  // What became of the images since the last call: to the sink's `image`, and its `loss` where there is no file.
+  // What became of the images since the last call: to the sink's `image`, its `loss` where there is no file, and its
+  // `picture`.
   void hand_on(const RecordSink& sink);
   // The rest of it. Afterwards nothing may be shown any more.
   void finish(const RecordSink& sink);
@@ -74,11 +78,13 @@ class ImageWatch {
   void resolve(Request& request, bool is_last);
   void write(const std::stop_token& stop);
   void tell(const ShownImage& image);
+  void draw(const ShownImage& image, const Seen& seen);
 
   std::vector<std::unique_ptr<Camera>> cameras_;  // of images, null for each other sensor of the robot file
   std::vector<config::Sensor> sensors_;
   std::vector<std::deque<ShownImage>> asked_;  // newest of each sensor, so that each image is asked for once
   ImageStore store_;                           // the writer's
+  std::vector<ByteAllowance> picture_bytes_;   // the writer's; of each sensor
   std::vector<Request> unresolved_;            // the watcher's
 
   std::mutex requests_mutex_, jobs_mutex_, results_mutex_;
@@ -87,7 +93,8 @@ class ImageWatch {
   std::size_t job_bytes_ = 0;
   std::condition_variable_any has_jobs_;
   std::vector<ShownImage> results_;
-  std::jthread watcher_, writer_;  // last: end first
+  std::vector<ShownPicture> pictures_;  // under results_mutex_
+  std::jthread watcher_, writer_;       // last: end first
 };
 
 }  // namespace takt::monitor

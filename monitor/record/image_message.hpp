@@ -41,6 +41,13 @@ struct ShownImage {
   std::string sha256;  // of its file (image_file.hpp), 64 hex digits; empty: unseen
 };
 
+// A shown image for people's eyes.
+struct ShownPicture {
+  MonoTime sensed_at;
+  std::uint32_t sensor = 0;  // index into the robot file's sensors
+  std::string png;           // of the image's own pixels
+};
+
 extern const std::string_view kImageSchema;
 void encode_image(const ShownImage& image, CdrWriter& out);
 bool decode_image(std::span<const std::byte> message, ShownImage& out);

@@ -5,7 +5,6 @@
 #include <sys/statvfs.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 
@@ -57,14 +56,12 @@ ImageFile ImageStore::write(const std::string& name, const std::string& content)
 ImageFile ImageStore::keep(const ShownImage& image, const std::string& content, MonoTime now) {
   const std::string name = image_file_name(image.shape, image.sha256);
   if (kept_.contains(name)) return ImageFile::stored;
-  const double rate = limits_.rate_mib_per_s * kMib;
-  if (allowed_at_.is_set()) allowance_ = std::min(rate, allowance_ + rate * (now - allowed_at_).seconds());
-  allowed_at_ = now;
+  const bool has_allowance = allowance_.has_any(now);
   if (static_cast<double>(written_ + content.size()) > limits_.budget_mib * kMib) return ImageFile::over_budget;
-  if (allowance_ <= 0) return ImageFile::over_rate;
+  if (!has_allowance) return ImageFile::over_rate;
   const ImageFile file = write(name, content);
   if (file == ImageFile::stored) {
-    allowance_ -= static_cast<double>(content.size());
+    allowance_.take(content.size());
     written_ += content.size();
     kept_.insert(name);
   }

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "config/robot_config.hpp"
+#include "monitor/record/byte_allowance.hpp"
 #include "monitor/record/image_message.hpp"
 #include "monitor/record/run_folder.hpp"
 
@@ -31,8 +32,7 @@ class ImageStore {
   config::ImageRecord limits_;
   std::set<std::string> kept_;  // names
   std::uint64_t written_ = 0;   // bytes
-  double allowance_;            // bytes that may be written now; below 0: later
-  MonoTime allowed_at_;
+  ByteAllowance allowance_;
 };
 
 }  // namespace takt::monitor

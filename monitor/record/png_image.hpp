@@ -11,8 +11,8 @@
 
 namespace takt::monitor {
 
-// Made for speed, not for the smallest file. Empty: libpng took no such shape, or
-// memory ran out. Precondition: `pixels` are shape.bytes(), row by row.
+// Made for speed, not for the smallest file. Empty: libpng took no such shape. Precondition: `pixels` are
+// shape.bytes(), row by row.
 std::string png_image(const config::ImageShape& shape, std::span<const std::byte> pixels);
 
 }  // namespace takt::monitor

@@ -38,6 +38,7 @@ struct RecordSink {
   std::function<void(const Loss&)> loss;
   std::function<void(const RecordedPolicyInput&)> policy_input = {};  // of a PolicyInputStream
   std::function<void(const ShownImage&)> image = {};                  // of an ImageWatch
+  std::function<void(const ShownPicture&)> picture = {};              // of an ImageWatch, behind its image
 };
 
 class RecordStream {

@@ -40,6 +40,20 @@ void reserve(const std::string& path) {
   ::close(fd);
 }
 
+std::vector<McapTopic> topics_of(const config::RobotConfig& robot) {
+  std::vector<McapTopic> topics = run_topics();
+  for (const config::Sensor& sensor : robot.sensors)
+    if (sensor.image) topics.push_back(picture_topic(sensor.name));
+  return topics;
+}
+
+// Precondition: the sensor is a camera of the robot.
+std::uint16_t picture_channel(const config::RobotConfig& robot, std::uint32_t sensor) {
+  const auto before = std::ranges::count_if(std::span(robot.sensors).first(sensor),
+                                            [](const config::Sensor& each) { return each.image.has_value(); });
+  return static_cast<std::uint16_t>(run_topics().size() + 1 + static_cast<std::size_t>(before));
+}
+
 std::map<std::string, std::string> metadata_of(const RunManifest& manifest) {
   return {{"run_id", manifest.run_id},
           {"robot", manifest.robot},
@@ -62,7 +76,7 @@ std::expected<std::unique_ptr<Recorder>, std::string> Recorder::make(const RunFo
   if (auto written = replace_file(folder.config(), watch->robot.resolved); !written)
     return std::unexpected(written.error());
   if (auto written = folder.write_manifest(manifest); !written) return std::unexpected(written.error());
-  auto ticks = McapWriter::create(folder.ticks(), max_file_bytes, run_topics(), metadata_of(manifest));
+  auto ticks = McapWriter::create(folder.ticks(), max_file_bytes, topics_of(watch->robot), metadata_of(manifest));
   if (!ticks) return std::unexpected(ticks.error());
   auto frames = BoundedFile::create(folder.frames(), max_file_bytes);
   if (!frames) return std::unexpected(frames.error());
@@ -112,16 +126,25 @@ Recorder::Recorder(const RunFolder& folder, RunManifest manifest, std::shared_pt
             encode_image(image, message_);
             write(Topic::image, now_);
           },
+      .picture = [this](const ShownPicture& shown) { picture(shown); },
   };
   if (!watch_->robot.model) return;
   encode_string(robot_description(watch_->robot), message_);
   write(Topic::robot_description, now_);
 }
 
-void Recorder::write(Topic topic, MonoTime at) {
+void Recorder::picture(const ShownPicture& picture) {
+  if (picture.sensor >= watch_->robot.sensors.size() || !watch_->robot.sensors[picture.sensor].image) return;
+  encode_compressed_image(watch_->robot.sensors[picture.sensor].name, "png", picture.png, unix_ns(picture.sensed_at),
+                          message_);
+  write(picture_channel(watch_->robot, picture.sensor), now_);
+  if (ticks_.pending_bytes() >= kChunkBytes) flush_ticks();
+}
+
+void Recorder::write(std::uint16_t channel, MonoTime at) {
   if (!stop_reason().empty()) return;
   const std::int64_t log_time = std::max<std::int64_t>(unix_ns(at), 0);
-  ticks_.write(static_cast<std::uint16_t>(topic), static_cast<std::uint64_t>(log_time), message_.bytes());
+  ticks_.write(channel, static_cast<std::uint64_t>(log_time), message_.bytes());
 }
 
 void Recorder::tick(const TickRecord& record) {

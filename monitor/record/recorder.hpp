@@ -76,7 +76,9 @@ class Recorder {
   void log(Level level, std::string_view text);
   void frame(const FrameRecord& frame);
   void loss(const Loss& loss);
-  void write(Topic topic, MonoTime at);
+  void write(Topic topic, MonoTime at) { write(static_cast<std::uint16_t>(topic), at); }
+  void write(std::uint16_t channel, MonoTime at);
+  void picture(const ShownPicture& picture);
   [[nodiscard]] std::int64_t unix_ns(MonoTime at) const { return at.ns + manifest_.clock.monotonic_to_unix_ns; }
   void write_frames();
   void flush_ticks();

@@ -142,6 +142,10 @@ std::vector<McapTopic> run_topics() {
           topic(Topic::transforms, "tf2_msgs/msg/TFMessage", tf_message_schema())};
 }
 
+McapTopic picture_topic(std::string_view sensor) {
+  return {fmt::format("/{}/compressed", sensor), "sensor_msgs/msg/CompressedImage", compressed_image_schema()};
+}
+
 std::optional<CommandHeader> header_of(const RecordedCommand& command) {
   CommandHeader header;
   if (command.payload.size() < sizeof header) return std::nullopt;

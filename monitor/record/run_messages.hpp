@@ -8,6 +8,7 @@
 //   /takt/loss        takt_msgs/msg/Loss        what was not recorded, and why
 //   /takt/policy_input  takt_msgs/msg/PolicyInput  what a policy was shown and said (policy_input_message.hpp)
 //   /takt/image       takt_msgs/msg/Image       an image that a policy was shown (image_message.hpp)
+//   /SENSOR/compressed  sensor_msgs/msg/CompressedImage  such images as PNG, as many as fit (image_watch.hpp)
 //   /joint_states     sensor_msgs/msg/JointState  decimated, for the usual viewers (standard_messages.hpp), as the rest
 //   /diagnostics      diagnostic_msgs/msg/DiagnosticArray  once a second and when the mode changes, as DDS tells it
 //   /rosout           rcl_interfaces/msg/Log      a line for each transition and each mark
@@ -50,6 +51,8 @@ enum class Topic : std::uint16_t {
 // In the order of Topic, so that channel ids are Topic values.
 std::vector<McapTopic> run_topics();
 std::string_view topic_name(Topic topic);
+// Of one camera's pictures. Channel ids of theirs follow those of run_topics().
+McapTopic picture_topic(std::string_view sensor);
 
 struct RecordedCommand {
   std::uint64_t tick = 0;       // that read it

@@ -44,14 +44,16 @@ RunParts::RunParts(RunFolder folder, std::unique_ptr<Recorder> first, std::uint6
            .frame = [this](const FrameRecord& frame) { thinner_.frame(frame); },
            .loss = [this](const Loss& loss) { current_->sink().loss(loss); },
            .policy_input = [this](const RecordedPolicyInput& input) { thinner_.policy_input(input); },
-           .image = [this](const ShownImage& image) { current_->sink().image(image); }};
+           .image = [this](const ShownImage& image) { current_->sink().image(image); },
+           .picture = [this](const ShownPicture& picture) { current_->sink().picture(picture); }};
   into_parts_ = {.command = [this](const RecordedCommand& command) { current_->sink().command(command); },
                  .tick = [this](const TickRecord& record) { current_->sink().tick(record); },
                  .keyframe = [this](const RecordedKeyframe& each) { keyframe(each); },
                  .frame = [this](const FrameRecord& frame) { current_->sink().frame(frame); },
                  .loss = [this](const Loss& loss) { current_->sink().loss(loss); },
                  .policy_input = [this](const RecordedPolicyInput& input) { policy_input(input); },
-                 .image = [this](const ShownImage& image) { current_->sink().image(image); }};
+                 .image = [this](const ShownImage& image) { current_->sink().image(image); },
+                 .picture = [this](const ShownPicture& picture) { current_->sink().picture(picture); }};
 }
 
 RunParts::~RunParts() {

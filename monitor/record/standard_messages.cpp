@@ -51,6 +51,10 @@ constexpr std::string_view kLog =
     "uint32 line      # 0\n";
 
 constexpr std::string_view kString = "string data\n";
+constexpr std::string_view kCompressedImage =
+    "std_msgs/Header header  # when it was taken; frame_id: the camera\n"
+    "string format           # png\n"
+    "uint8[] data\n";
 constexpr std::string_view kTfMessage = "geometry_msgs/TransformStamped[] transforms\n";
 constexpr std::string_view kTransformStamped =
     "MSG: geometry_msgs/TransformStamped\n"
@@ -187,6 +191,18 @@ void encode_tf_message(std::span<const FrameTransform> transforms, std::int64_t 
     for (const double value : each.translation) out.put(value);
     for (const double value : each.rotation) out.put(value);
   }
+}
+
+std::string compressed_image_schema() {
+  return schema_of(kCompressedImage, {kHeader, kTime});
+}
+
+void encode_compressed_image(std::string_view frame, std::string_view format, std::string_view file,
+                             std::int64_t unix_ns, CdrWriter& out) {
+  out.clear();
+  put_header(out, unix_ns, frame);
+  out.put_string(format);
+  out.put_octets(std::as_bytes(std::span(file)));
 }
 
 }  // namespace takt::monitor

@@ -38,4 +38,9 @@ struct FrameTransform {
 std::string tf_message_schema();  // tf2_msgs/msg/TFMessage
 void encode_tf_message(std::span<const FrameTransform> transforms, std::int64_t unix_ns, CdrWriter& out);
 
+std::string compressed_image_schema();  // sensor_msgs/msg/CompressedImage
+// `frame`: the camera; `format`: "png", of which `file` is a whole one.
+void encode_compressed_image(std::string_view frame, std::string_view format, std::string_view file,
+                             std::int64_t unix_ns, CdrWriter& out);
+
 }  // namespace takt::monitor

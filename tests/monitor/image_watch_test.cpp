@@ -5,6 +5,7 @@
 #include "monitor/image_watch.hpp"
 
 #include <gtest/gtest.h>
+#include <png.h>
 
 #include <filesystem>
 #include <fstream>
@@ -21,6 +22,18 @@ namespace takt::monitor {
 namespace {
 
 const config::ImageShape kShape{48, 64, 3};
+
+// As libpng's own reader has them; empty: no PNG of this shape.
+std::vector<std::uint8_t> pixels_of(const std::string& png) {
+  ::png_image picture{};
+  picture.version = PNG_IMAGE_VERSION;
+  if (png_image_begin_read_from_memory(&picture, png.data(), png.size()) == 0) return {};
+  picture.format = PNG_FORMAT_RGB;
+  std::vector<std::uint8_t> pixels(PNG_IMAGE_SIZE(picture));
+  const bool is_ours = picture.width == kShape.width && picture.height == kShape.height;
+  if (png_image_finish_read(&picture, nullptr, pixels.data(), 0, nullptr) == 0 || !is_ours) return {};
+  return pixels;
+}
 
 class ImageWatchTest : public test::TemporaryFolder {
  protected:
@@ -59,6 +72,7 @@ class ImageWatchTest : public test::TemporaryFolder {
   RecordSink sink() {
     RecordSink sink;
     sink.image = [this](const ShownImage& image) { told_.push_back(image); };
+    sink.picture = [this](const ShownPicture& picture) { pictures_.push_back(picture); };
     sink.loss = [this](const Loss& loss) { losses_[loss.ring + " " + loss.reason] += loss.count; };
     return sink;
   }
@@ -80,6 +94,7 @@ class ImageWatchTest : public test::TemporaryFolder {
   std::unique_ptr<ipc::SensorServer> camera_;
   std::uint64_t sequence_ = 0;
   std::vector<ShownImage> told_;
+  std::vector<ShownPicture> pictures_;
   std::map<std::string, std::uint64_t> losses_;
 };
 
@@ -102,6 +117,10 @@ TEST_F(ImageWatchTest, WhatAPolicyNamesIsKeptAsItsSensorPublishedIt) {
   EXPECT_EQ(bytes_of(told_[0]), std::vector<std::uint8_t>(kShape.bytes(), 10));
   EXPECT_EQ(bytes_of(told_[1]), std::vector<std::uint8_t>(kShape.bytes(), 20));
   EXPECT_TRUE(losses_.empty());
+  ASSERT_EQ(pictures_.size(), 2U);
+  EXPECT_EQ(pictures_[1].sensor, 1U);
+  EXPECT_EQ(pictures_[1].sensed_at, second.sensed_at);
+  EXPECT_EQ(pixels_of(pictures_[1].png), std::vector<std::uint8_t>(kShape.bytes(), 20));
 }
 
 // A sensor that was started anew counts from 1 again: the same number is another image.
@@ -157,6 +176,7 @@ TEST_F(ImageWatchTest, WhatIsOverTheBudgetStaysNamedByItsHash) {
   EXPECT_EQ(losses_["image over_budget"], 2U);
   EXPECT_EQ(told_[1].file, ImageFile::stored);
   EXPECT_EQ(told_[3].file, ImageFile::over_budget);
+  EXPECT_EQ(pictures_.size(), 2U) << "a disk's budget bounds its pictures too";
   const std::vector<std::byte> pixels(kShape.bytes(), std::byte{4});
   EXPECT_EQ(told_[3].sha256, config::sha256_hex(image_file(kShape, pixels)));
 }

@@ -4,6 +4,7 @@
 // independent ros2msg parser and CDR reader. Then cuts the file and reads what is left.
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
+import { inflateSync } from 'node:zlib';
 import { McapIndexedReader, McapStreamReader } from '@mcap/core';
 import { loadDecompressHandlers } from '@mcap/support';
 import { parse } from '@foxglove/rosmsg';
@@ -176,4 +177,50 @@ for (const chunk of reader.chunkIndexes) {
 }
 const half = ticksWithin(Math.floor(file.length / 2));
 assert.ok(half > 0 && half < metrics.ticks.recorded);
+
+// What cameras showed the policy, as viewers take it: the standard message, a whole PNG in it.
+const seen = process.argv[2] + '/viewed';
+const withPictures = await McapIndexedReader.Initialize({ readable: bytesReadable(readFileSync(seen + '/ticks.mcap')), decompressHandlers });
+const began = BigInt(JSON.parse(readFileSync(seen + '/manifest.json', 'utf8')).started.monotonic_ns) + offset;
+assert.deepEqual([...withPictures.channelsById.values()].map(({ topic }) => topic).filter((topic) => topic.endsWith('/compressed')),
+  ['/right/compressed', '/left/compressed']);
+
+// The pixels of a PNG of 8 bits a channel, RGB, whose rows are differences of neighbours.
+function pixelsOf(png) {
+  assert.deepEqual([...png.subarray(0, 8)], [0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a]);
+  const view = new DataView(png.buffer, png.byteOffset, png.length);
+  const packed = [];
+  let width, height;
+  for (let at = 8; at < png.length; at += 12 + view.getUint32(at)) {
+    const kind = new TextDecoder().decode(png.subarray(at + 4, at + 8));
+    if (kind === 'IHDR') [width, height] = [view.getUint32(at + 8), view.getUint32(at + 12)];
+    if (kind === 'IHDR') assert.deepEqual([...png.subarray(at + 16, at + 21)], [8, 2, 0, 0, 0]);
+    if (kind === 'IDAT') packed.push(png.subarray(at + 8, at + 8 + view.getUint32(at)));
+  }
+  const rows = inflateSync(Buffer.concat(packed));
+  assert.equal(rows.length, height * (1 + 3 * width));
+  return Array.from({ length: height }, (_, row) => {
+    const line = rows.subarray(row * (1 + 3 * width), (row + 1) * (1 + 3 * width));
+    assert.equal(line[0], 1);
+    const values = [];
+    line.subarray(1).forEach((each, at) => values.push((each + (at < 3 ? 0 : values[at - 3])) & 255));
+    return values;
+  });
+}
+let pictures = 0;
+for await (const message of withPictures.readMessages({ topics: ['/left/compressed'], validateCrcs: true })) {
+  const schema = withPictures.schemasById.get(withPictures.channelsById.get(message.channelId).schemaId);
+  assert.equal(schema.name, 'sensor_msgs/msg/CompressedImage');
+  const [definition] = parse(new TextDecoder().decode(schema.data), { ros2: true });
+  assert.deepEqual(definition.definitions.map(({ type, name, isArray }) => `${type}${isArray ? '[]' : ''} ${name}`),
+    ['std_msgs/Header header', 'string format', 'uint8[] data']);
+  const value = decoderOf(schema).readMessage(message.data);
+  assert.equal(value.header.frame_id, 'left');
+  assert.equal(nanoseconds(value.header.stamp), began + BigInt(pictures) * 1_000_000_000n);
+  assert.equal(value.format, 'png');
+  pixelsOf(value.data).forEach((values, row) => assert.deepEqual(values,
+    Array.from({ length: 3 * 32 }, (_, at) => [Math.floor(at / 3), row, pictures][at % 3])));
+  pictures += 1;
+}
+assert.equal(pictures, 3);
 console.log(`${JSON.stringify(counts)}; the first half of the file gives back ${half} ticks`);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // make_recorded_demo DIR: a recorded run of the virtual robot, for tests in other languages. Beside it DIR/truth.jsonl
 // as takt-plant would write it: where the rigid-body library sees the tool at the recorded angles, and a target. And
-// two more pages: thin.html of the same run with little room, gap.html of a copy without ticks 2200 to 2699.
+// two more pages: thin.html of the same run with little room, gap.html of a copy without ticks 2200 to 2699; and
+// DIR/viewed, a run with cameras' pictures in its ticks.mcap.
 // make_recorded_demo DIR SECONDS: only a run, of that length, with an image and with events beside it.
 #include <charconv>
 #include <cstdio>
@@ -17,6 +18,8 @@
 #include "monitor/record/bounded_file.hpp"
 #include "monitor/record/image_file.hpp"
 #include "monitor/record/image_store.hpp"
+#include "monitor/record/png_image.hpp"
+#include "monitor/record/recorder.hpp"
 #include "simulation/arm_dynamics.hpp"
 #include "simulation/camera.hpp"
 #include "simulation/truth_log.hpp"
@@ -96,6 +99,32 @@ void write_page_with_images(const RecordedRun& run, const MonoTime start, const 
   write_page(seen, *metrics, path, evidence::kWholeBytes);
 }
 
+// DIR/viewed: what a recorder is given of two cameras behind a sensor without images. Picture k of camera `left` was
+// sensed k s after the beginning; it is red by its column, green by its row, and blue by k.
+void record_pictures(const std::string& directory) {
+  constexpr config::ImageShape kShape{24, 32, 3};
+  config::RobotConfig robot = demo_robot();
+  for (const char* name : {"right", "left"})
+    robot.sensors.push_back({.name = name, .timeout = milliseconds(500), .image = kShape});
+  const auto folder = RunFolder::create(directory);
+  if (!folder) throw std::runtime_error(folder.error());
+  const RunManifest manifest = VirtualRobot().manifest();
+  const auto recorder = Recorder::start(*folder, manifest, robot);
+  if (!recorder) throw std::runtime_error(recorder.error());
+  for (std::uint8_t k = 0; k < 3; ++k) {
+    std::vector<std::byte> pixels;
+    for (std::uint32_t row = 0; row < kShape.height; ++row)
+      for (std::uint32_t column = 0; column < kShape.width; ++column)
+        for (const std::uint32_t value : {column, row, std::uint32_t{k}})
+          pixels.push_back(static_cast<std::byte>(value));
+    (*recorder)->sink().picture({.sensed_at = manifest.started_at + seconds(k),
+                                 .sensor = static_cast<std::uint32_t>(robot.sensors.size() - 1),
+                                 .png = png_image(kShape, pixels)});
+  }
+  const auto finished = (*recorder)->finish(manifest.started_at + seconds(3), "");
+  if (!finished) throw std::runtime_error(finished.error());
+}
+
 constexpr std::uint64_t kTicksPerSecond = 1'000;
 
 // The policy stalls once in four seconds, so that every ten of them have transitions.
@@ -132,6 +161,7 @@ int main(int argc, char** argv) {
     write_page(run, *metrics, run.folder.path() + "/thin.html", 60'000);
     write_page_with_gap(run, run.folder.path() + "/gap.html");
     write_page_with_images(run, metrics->start, run.folder.path() + "/seen.html");
+    record_pictures(run.folder.path() + "/viewed");
   } catch (const std::exception& error) {
     std::fprintf(stderr, "make_recorded_demo: %s\n", error.what());
     return 1;
