@@ -159,6 +159,7 @@ std::string in_brackets(const std::string& text) {
 std::string ends_because(const RunMetrics& metrics, const RecordedRun& run, const Script& script) {
   const RunManifest& manifest = run.manifest;
   if (!manifest.stopped_because.empty()) return "recording stopped: " + manifest.stopped_because;
+  if (!manifest.complete && is_being_written(run.folder.ticks())) return "the run is still recorded";
   if (!manifest.complete)
     return "the recorder was ended before it closed the run" +
            in_brackets(script.end_of("takt-monitor", manifest.started_at));

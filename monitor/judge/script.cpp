@@ -131,6 +131,20 @@ MonoTime Script::over_at(const RunEvent& event) const {
   return again == nullptr ? MonoTime{} : again->at + grace_;
 }
 
+// Of the sensor's program that `problem` names, where `takt run` started it: it ended, and is not back.
+std::string Script::sensors_end(std::string_view problem, MonoTime at) const {
+  constexpr std::string_view kLabel = "sensor-";
+  std::string text;
+  for (const RunEvent& event : events_) {
+    const bool is_sensors = event.event == "ended" && event.is_sealed && event.process.starts_with(kLabel) &&
+                            problem.contains(event.process.substr(kLabel.size()));
+    const RunEvent* const again = is_sensors ? next("started", event) : nullptr;
+    if (is_sensors && event.at <= at + kNotedLate && (again == nullptr || at < again->at))
+      text = "; " + config::printable(end_before(event, at));
+  }
+  return text;
+}
+
 // Of the robot's policy, at that instant: the newest that its host said, and did not take back.
 std::string Script::problem_at(MonoTime at) const {
   const RunEvent* standing = nullptr;
@@ -143,7 +157,7 @@ std::string Script::problem_at(MonoTime at) const {
   }
   if (standing == nullptr || standing->what.empty()) return {};
   const std::string when = standing->at <= at ? ", " + before_text(at - standing->at) : "";
-  return fmt::format("policy: {}{}", config::printable(standing->what), when);
+  return fmt::format("policy: {}{}{}", config::printable(standing->what), when, sensors_end(standing->what, at));
 }
 
 ScriptFinding Script::of(Cause cause, MonoTime at) const {

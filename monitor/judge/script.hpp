@@ -35,6 +35,7 @@ class Script {
   void explain(FaultSummary& faults) const;
 
  private:
+  [[nodiscard]] std::string sensors_end(std::string_view problem, MonoTime at) const;
   [[nodiscard]] std::string problem_at(MonoTime at) const;
   [[nodiscard]] MonoTime over_at(const RunEvent& event) const;  // unset: it lasts to the end
   [[nodiscard]] const RunEvent* next(std::string_view event, const RunEvent& since) const;

@@ -143,6 +143,21 @@ TEST_F(RecordGapTest, AFullDiskIsNoEndOfTheRun) {
   EXPECT_NE(told(*run, *review).find("STOPPED       "), std::string::npos) << told(*run, *review);
 }
 
+TEST_F(RecordGapTest, ARunThatIsStillRecordedIsToldFromOneThatWasCut) {
+  VirtualRobot robot;
+  const auto folder = RunFolder::create(path("going on"));
+  auto recorder = Recorder::start(*folder, robot.manifest(), demo_robot());
+  ASSERT_TRUE(recorder);
+  auto stream = RecordStream::attach(robot.rings(), demo_robot().joints.size());
+  robot.run(20);
+  stream->drain((*recorder)->sink(), false);
+  (*recorder)->flush_if_due(robot.latest().header.now);
+  const auto gap = [&] { return evidence::review_of(*open_run(folder->path()))->metrics.record_gap; };
+  EXPECT_NE(gap().find("): the run is still recorded"), std::string::npos) << gap();
+  recorder->reset();
+  EXPECT_NE(gap().find("the recorder was ended before it closed the run"), std::string::npos) << gap();
+}
+
 TEST_F(RecordGapTest, AKilledRecorderIsNamed) {
   const RunFolder folder = copy();
   RecordedRun run = *open_run(folder.path());
