@@ -42,6 +42,7 @@ inline constexpr const char* kNoGroup = "Subcommands";  // CLI11's title of comm
 struct CommandGroup {
   const char* title;
   std::span<const AddCommand> commands;
+  bool by_name_alone = false;  // in one line, behind the others
 };
 
 void add_run(CLI::App& app, int& exit_code);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -17,19 +18,28 @@
 namespace takt::cli {
 namespace {
 
+constexpr const char* kUnlisted = "";  // CLI11 hides such a group
+
 // Listed like a command; `takt help X` is read as `takt X --help`.
 void add_help(CLI::App& app) {
-  CLI::App* const command = app.add_subcommand("help", "Say what a command does and which options it has.");
+  CLI::App* const command =
+      app.add_subcommand("help", "Say what a command does and which options it has: takt help NAME.");
   command->group("Help")->footer(
       "Examples: takt help; takt help run; takt help config check\n"
       "Exit codes: 0 said, 64 there is no such command.");
 }
 
-void add_group(CLI::App& app, const CommandGroup& group, int& exit_code) {
+// Returns what the list of commands says of the group at its end.
+std::string add_group(CLI::App& app, const CommandGroup& group, int& exit_code) {
   for (const AddCommand add : group.commands) add(app, exit_code);
   const auto is_new = [](const CLI::App* command) { return command->get_group() == kNoGroup; };
-  for (CLI::App* const command : app.get_subcommands([](const CLI::App*) { return true; }))
-    if (is_new(command)) command->group(group.title);
+  std::vector<std::string> names;
+  for (CLI::App* const command : app.get_subcommands([](const CLI::App*) { return true; })) {
+    if (!is_new(command)) continue;
+    command->group(group.by_name_alone ? kUnlisted : group.title);
+    names.push_back(command->get_name());
+  }
+  return group.by_name_alone ? fmt::format("{}:\n  {}\n\n", group.title, fmt::join(names, ", ")) : std::string();
 }
 
 std::vector<std::string> without_help_verb(std::vector<std::string> words) {
@@ -83,11 +93,13 @@ int run_command_line(std::span<const CommandGroup> groups, int argc, const char*
   CLI::App app("Runs learned policies on robots in real time, and keeps the evidence.", "takt");
   app.set_version_flag("--version", fmt::format("takt {}", version()));
   app.require_subcommand(1);
+  int exit_code = kExitOk;
+  std::string by_name;
+  for (const CommandGroup& group : groups) by_name += add_group(app, group, exit_code);
   app.footer(
+      by_name +
       "Exit codes: 0 done, 1 refused or failed, 2 not all is well (run, replay), 64 command line, 65 configuration, 69 "
       "not running, 70 bug, 71 set-up.");
-  int exit_code = kExitOk;
-  for (const CommandGroup& group : groups) add_group(app, group, exit_code);
   add_help(app);
   try {
     const int parsed = parse(app, std::vector<std::string>(argv + std::min(argc, 1), argv + argc));

@@ -16,14 +16,14 @@ void list_lab_commands(CLI::App& app, int& exit_code) {
     });
 }
 
-constexpr std::array kRun{add_run, add_arm,  add_stop,           add_reset,  add_status,
-                          add_top, add_mark, add_person_command, add_gamepad};
+constexpr std::array kRun{add_run, add_arm, add_stop, add_reset, add_status, add_top, add_mark};
 constexpr std::array kSetUp{add_config, add_bus, add_joint, add_policy, add_doctor, add_deploy, add_rollback};
-constexpr std::array kLookBack{add_report, add_replay, add_runs, add_trace};
+constexpr std::array kLookBack{add_report, add_replay};
+constexpr std::array kMore{add_person_command, add_gamepad, add_runs, add_trace};
 constexpr std::array kEvaluate{list_lab_commands};
 constexpr std::array kGroups{CommandGroup{"Run a robot", kRun}, CommandGroup{"Set one up", kSetUp},
-                             CommandGroup{"Look at runs", kLookBack},
-                             CommandGroup{"Evaluate, by package takt-lab", kEvaluate}};
+                             CommandGroup{"Look at runs", kLookBack}, CommandGroup{"More", kMore, true},
+                             CommandGroup{"Evaluate, by package takt-lab", kEvaluate, true}};
 
 }  // namespace
 

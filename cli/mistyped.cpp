@@ -42,6 +42,18 @@ std::string meant(const std::string& word, const std::vector<std::string>& known
   return best.empty() ? "; " : fmt::format("; did you mean `{}{}`? ", before, best);
 }
 
+// A command of this name one group further down, or a file's name where the group has `run`: the words in full.
+std::string meant_further_down(const CLI::App& app, const std::string& word, const std::string& before) {
+  for (const CLI::App* child : children_of(app)) {
+    const std::vector<std::string> names = commands_of(*child);
+    if (std::ranges::find(names, word) != names.end())
+      return fmt::format("; did you mean `{}{} {}`? ", before, child->get_name(), word);
+  }
+  const std::vector<std::string> known = commands_of(app);
+  const bool has_run = std::ranges::find(known, "run") != known.end();
+  return has_run && word.ends_with(".yaml") ? fmt::format("; did you mean `{}run {}`? ", before, word) : "";
+}
+
 std::string help_for(const std::string& path) {
   return "`takt help" + path.substr(std::min(path.find(' '), path.size())) + "`";
 }
@@ -62,9 +74,12 @@ std::optional<std::string> mistyped(const CLI::App& app, const std::vector<std::
     }
     const std::vector<std::string> known = commands_of(*at);
     if (word.starts_with('-') || known.empty()) continue;
-    if (std::ranges::find(known, word) == known.end())
+    if (std::ranges::find(known, word) == known.end()) {
+      const std::string elsewhere = meant_further_down(*at, word, path + ' ');
       return config::printable(fmt::format("there is no command `{} {}`{}{} lists them", path, word,
-                                           meant(word, known, path + ' '), help_for(path)));
+                                           elsewhere.empty() ? meant(word, known, path + ' ') : elsewhere,
+                                           help_for(path)));
+    }
     at = at->get_subcommand(word);
     path += ' ' + word;
   }

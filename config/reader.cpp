@@ -9,6 +9,7 @@
 #include <charconv>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <span>
 
 #include "config/key_table.hpp"
@@ -193,7 +194,11 @@ std::optional<std::int64_t> Reader::read_whole(const Node& node, const Key& key,
   const auto [end, error] = std::from_chars(begin, text.data() + text.size(), value, hexadecimal ? 16 : 10);
   if (error != std::errc{} || end != text.data() + text.size() || (hexadecimal && *begin == '-')) {
     const auto number = parse_number(text);
-    complain(node, key, number ? fmt::format("{} is not a whole number; write one such as 3", text) : number.error());
+    const bool has_top = high != std::numeric_limits<std::int64_t>::max();
+    complain(node, key,
+             number    ? fmt::format("{} is not a whole number; write one such as 3", text)
+             : has_top ? fmt::format("`{}` is not a number; write a whole one, {} to {}", text, low, high)
+                       : fmt::format("`{}` is not a number; write a whole one, {} or more", text, low));
     return std::nullopt;
   }
   if (!hexadecimal)
@@ -252,6 +257,15 @@ void Reader::text(const Key& key, std::string& value) {
     complain(*node, key, "must be one line of text and not empty; write it");
 }
 
+namespace {
+
+bool is_same_but_case(std::string_view a, std::string_view b) {
+  const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
+  return std::ranges::equal(a, b, {}, lower, lower);
+}
+
+}  // namespace
+
 bool Reader::check_word(const Node& node, const Key& key, Words words, std::string_view what,
                         std::string_view none_word) {
   if (node.kind != Node::Kind::scalar) {
@@ -266,9 +280,12 @@ bool Reader::check_word(const Node& node, const Key& key, Words words, std::stri
   std::vector<std::string_view> allowed(words.begin(), words.end());
   if (!none_word.empty()) allowed.push_back(none_word);
   if (!key.if_unknown.empty()) {
+    const auto same =
+        std::ranges::find_if(allowed, [&](std::string_view word) { return is_same_but_case(word, node.text); });
     complain(node, key,
-             fmt::format("{} `{}` is not known: known are {}; {}", what, node.text, fmt::join(allowed, ", "),
-                         key.if_unknown));
+             same != allowed.end() ? fmt::format("{} `{}` is not known; write `{}`", what, node.text, *same)
+                                   : fmt::format("{} `{}` is not known: known are {}; {}", what, node.text,
+                                                 fmt::join(allowed, ", "), key.if_unknown));
     return false;
   }
   const std::string_view meant = mistyped(node.text, allowed);

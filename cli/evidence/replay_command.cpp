@@ -22,6 +22,8 @@ int replay(const ReplayOptions& options) {
   if (!run) return fail("takt replay", run.error());
   const auto report = evidence::replay(*run, options.from);
   if (!report) return fail("takt replay", report.error());
+  if (report->ticks == 0 && report->last_tick != 0)
+    return fail("takt replay", fmt::format("--from {}: the run's last tick is {}", options.from, report->last_tick));
   if (options.json) {
     fmt::print("{}\n", json_line(evidence::to_json(*report)));
   } else {
@@ -37,7 +39,8 @@ void add_replay(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("replay", "Feed a run's recorded inputs through the decision again.");
   auto options = std::make_shared<ReplayOptions>();
   command->add_option("DIR", options->directory, "run folder")->required();
-  command->add_option("--from", options->from, "first tick to judge; replay starts at the keyframe before it");
+  command->add_option("--from", options->from, "first tick to judge; replay starts at the keyframe before it")
+      ->check(CLI::NonNegativeNumber);
   command->add_flag("--json", options->json, "one line of JSON");
   command->footer(
       "Example: takt replay runs/20261121T093300Z-arm6-3f9a2c --from 12000\n"

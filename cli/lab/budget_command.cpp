@@ -44,7 +44,7 @@ std::expected<double, Refusal> parse_rate(std::string_view text) {
   const std::size_t unit = std::min(text.find_first_not_of(' ', digits), text.size());
   const auto rate = config::parse_quantity(fmt::format("{} {}", text.substr(0, digits), text.substr(unit)),
                                            config::Dimension::frequency);
-  if (!rate || *rate <= 0) return usage(fmt::format("`{}` is not a rate; write such as 50Hz", text));
+  if (!rate || *rate <= 0) return usage(fmt::format("`{}` is not a rate; write a number and Hz, such as 50Hz", text));
   return *rate;
 }
 

@@ -2,6 +2,7 @@
 #include "cli/lab/panel_choice.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 
@@ -33,10 +34,12 @@ std::expected<ChosenPanel, Refusal> chosen_panel(const char* command, const std:
   if (!panel) return std::unexpected(Refusal{config::kExitBadConfiguration, panel.error()});
   ChosenPanel chosen{std::move(*panel), {}};
   if (!choice.method.empty()) {
+    std::vector<std::string> names;
+    for (const auto& one : chosen.panel.methods) names.push_back(one.name);
     std::erase_if(chosen.panel.methods, [&](const auto& one) { return one.name != choice.method; });
     if (chosen.panel.methods.empty())
-      return std::unexpected(
-          Refusal{kExitUsage, fmt::format("{}: --method {}: no method of this panel", command, choice.method)});
+      return std::unexpected(Refusal{kExitUsage, fmt::format("{}: --method {}: no method of this panel; it has {}",
+                                                             command, choice.method, fmt::join(names, ", "))});
   }
   if (!choice.until_decided.empty()) {
     auto two = lab::keep_two_methods(choice.until_decided, chosen.panel);

@@ -152,9 +152,11 @@ int run(const PanelRunOptions& options) {
   auto contest = lab::Contest::prepare(std::move(panel), outside);
   if (!contest) return refuse(config::kExitBadConfiguration, contest.error());
   if (!options.only.empty()) {
+    const std::string first = evidence::rollout_id(contest->identity(plan.front()));
     std::erase_if(plan, [&](const auto& one) { return evidence::rollout_id(contest->identity(one)) != options.only; });
     if (plan.empty())
-      return refuse(kExitUsage, "takt panel run: --only " + options.only + ": no rollout of this panel");
+      return refuse(kExitUsage, fmt::format("takt panel run: --only {}: no rollout of this panel, which has such as {}",
+                                            options.only, first));
   }
   std::optional<lab::SequentialDecision> decision;
   if (!options.choice.until_decided.empty()) decision.emplace(chosen->rivals, plan);

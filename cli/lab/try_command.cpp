@@ -94,7 +94,9 @@ int write_page(const PolicyTryOptions& options, const std::string& page, std::si
 
 int try_folder(const PolicyTryOptions& options) {
   if (!fs::is_directory(options.folder))
-    return refuse(kExitUsage, "takt policy try: " + options.folder + ": no such folder");
+    return refuse(kExitUsage,
+                  "takt policy try: " + options.folder +
+                      (fs::exists(options.folder) ? " is no folder: name the one that it is in" : ": no such folder"));
   policy_trial::TrialSetup setup;
   std::optional<OnnxRuntime> judge;
   if (!options.library.empty()) {

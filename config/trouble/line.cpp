@@ -118,6 +118,7 @@ std::expected<Duration, std::string> parse_time(std::string_view text) {
   Words words(text);
   const auto time = take_time(words);
   if (time && !words.any()) return time;
+  if (!time && config::parse_number(text)) return no(time.error());
   return no(fmt::format("`{}` is not a time; write such as 300ms or 20s", config::printable(text)));
 }
 

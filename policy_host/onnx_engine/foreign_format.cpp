@@ -54,6 +54,8 @@ std::string foreign_format(std::span<const std::byte> bytes) {
   if (text.starts_with("PK\x03\x04")) return of_archive(text);
   if (is_safetensors(text))
     return named("safetensors, weights without the network", "load them in training, and export to ONNX");
+  if (text.starts_with("version https://git-lfs"))
+    return named("a Git LFS pointer to the model", "fetch it with `git lfs pull`");
   for (const Format& format : kFormats)
     if (text.size() > format.at && text.substr(format.at).starts_with(format.magic)) return named(format.what, kExport);
   const std::size_t first = text.find_first_not_of(" \t\r\n");

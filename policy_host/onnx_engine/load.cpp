@@ -232,6 +232,7 @@ void screen_weights(const onnx::GraphProto& graph) {
 
 std::expected<void, std::string> parse(std::span<const std::byte> bytes, std::string_view name,
                                        onnx::ModelProto& model) {
+  if (bytes.empty()) return std::unexpected(one_line(name, "is empty; export the model again"));
   if (screen_wire(bytes, *onnx::ModelProto::descriptor()) &&
       model.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
     return {};

@@ -122,6 +122,13 @@ TEST_F(Cli, WrongCommandLinesEndWith64) {
       says("status --runtime-dri=/x"),
       "takt: `takt status` has no option --runtime-dri; did you mean `--runtime-dir`? `takt help status` lists them\n");
   EXPECT_EQ(says("help stauts"), says("stauts"));
+  EXPECT_EQ(
+      says("calibrate x.yaml"),
+      "takt: there is no command `takt calibrate`; did you mean `takt policy calibrate`? `takt help` lists them\n")
+      << "a group left out";
+  EXPECT_EQ(says("config/arm6.yaml"),
+            "takt: there is no command `takt config/arm6.yaml`; did you mean `takt run config/arm6.yaml`? `takt help` "
+            "lists them\n");
   EXPECT_EQ(says("xyzzyxyzzy"), "takt: there is no command `takt xyzzyxyzzy`; `takt help` lists them\n");
   EXPECT_EQ(run(run_arguments("--at 'soon: stop'")).exit_code, 64);
   EXPECT_EQ(run(run_arguments("--duration 20")).exit_code, 64);

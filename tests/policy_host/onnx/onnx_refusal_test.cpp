@@ -168,6 +168,7 @@ TEST(Refusal, OtherFormatsAreNamed) {
       {"\x80\x04\x95......"s, "is a Python pickle"},
       {"<?xml version=\"1.0\"?><net name=\"a\" version=\"11\"/>", "is an OpenVINO network"},
       {"<mujoco/>", "is XML, not ONNX"},
+      {"version https://git-lfs.github.com/spec/v1\noid sha256:0", "is a Git LFS pointer to the model"},
       {"ptrt........", "is a TensorRT engine"}};
   for (const auto& [bytes, part] : files) expect_sentence(refusal_of_bytes(bytes), {part, "--policy-host"});
 }
