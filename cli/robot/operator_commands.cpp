@@ -108,9 +108,9 @@ std::string_view after_stop(OperatorVerb verb, Mode mode) {
       verb == OperatorVerb::press_stop || verb == OperatorVerb::stop || verb == OperatorVerb::deenergise;
   if (!is_stop) return "";
   if (mode == Mode::standby) return ": no drive has power; the next `takt arm` moves the robot";
-  return mode == Mode::damped_stop || mode == Mode::fault_latched
-             ? ": `takt arm` is refused until `takt reset`, a second stop or a restart"
-             : "";
+  if (mode != Mode::damped_stop && mode != Mode::fault_latched) return "";
+  return verb == OperatorVerb::press_stop ? ": `takt arm` is refused until `takt reset`, a second stop or a restart"
+                                          : ": `takt arm` is refused until `takt reset` or a restart";
 }
 
 void print_reply(OperatorVerb verb, const OperatorReply& reply, const OperatorOptions& options,

@@ -26,8 +26,9 @@ std::expected<int, Refusal> roll_back(const RollbackOptions& options) {
   const std::string from = store->current(), to = options.to.empty() ? store->previous() : options.to;
   if (to.empty())
     return std::unexpected(Refusal{
-        kExitFailed,
-        fmt::format("nothing was in use before {}; --to names any folder of {}/deployments", from, options.store)});
+        kExitFailed, from.empty() ? fmt::format("nothing was deployed to {}; name its --store", options.store)
+                                  : fmt::format("nothing was in use before {}; --to names any folder of {}/deployments",
+                                                from, options.store)});
   const auto file = store->robot_file(to);
   if (!file) return std::unexpected(Refusal{kExitFailed, file.error()});
   if (const auto disarmed = require_disarmed({options.place.runtime_directory}); !disarmed)

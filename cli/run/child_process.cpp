@@ -226,6 +226,8 @@ std::string ChildProcess::last_words() const {
   const auto names = [&text](std::string_view error) { return text.find(error) != std::string::npos; };
   if (options_.place && !options_.place->grants.everything && std::ranges::any_of(kByBoundary, names))
     text += "  a policy changes no file and has no network but what --policy-may grants (docs/policies.md)\n";
+  if (names("No module named 'takt'"))
+    text += "  name the Python package's folder in PYTHONPATH, or install it (docs/python-policy.md#install)\n";
   return text;
 }
 

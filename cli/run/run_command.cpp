@@ -137,9 +137,13 @@ std::expected<void, Refusal> check_policy(const Given& given, const config::Robo
   return {};
 }
 
-// Two control threads of one priority on one core wait for each other.
-void tell_shared_core(const config::RobotConfig& robot) {
+// A core that this machine lacks, or that is another robot's: two control threads of one priority on one core wait for
+// each other.
+void tell_wrong_core(const config::RobotConfig& robot) {
   if (!robot.control.cpu) return;
+  if (const long cores = ::sysconf(_SC_NPROCESSORS_CONF); cores > 0 && *robot.control.cpu >= cores)
+    note("note", fmt::format("control.cpu {}: this machine has no such core, but 0 to {}; the loop goes to any",
+                             *robot.control.cpu, cores - 1));
   for (const RunningRobot& other : running_robots(places_of_this_user()))
     if (what_runs_in(other.runtime_directory).cpu == robot.control.cpu)
       note("note", fmt::format("control.cpu {} is robot {}'s too: both come late; give each a core of its own",
@@ -209,7 +213,7 @@ int run(const Given& given) {
       return refuse(kExitUnavailable, home.error());
   remember_robot_file(options.place.runtime_directory, given.robot_file);
   tell_cautions(robot);
-  tell_shared_core(robot);
+  tell_wrong_core(robot);
   return Supervisor(robot, std::move(options)).run();
 }
 

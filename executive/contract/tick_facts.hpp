@@ -16,6 +16,13 @@ namespace takt {
 constexpr std::optional<Duration> age_of(const SeatRecord& seat) {
   return seat.freshness == Freshness::missing ? std::nullopt : std::optional(seat.age);
 }
+// Of the command that the robot follows; none: it follows none.
+constexpr std::optional<Duration> age_of_played(const TickRecordHeader& tick) {
+  if (tick.player == Player::policy) return tick.age.total();
+  const std::optional<Seat> seat = seat_of(tick.player);
+  if (!seat || static_cast<std::size_t>(tick.player) >= kMoverCount) return std::nullopt;
+  return tick.seats[*seat].age;
+}
 
 // The tick counts in the freshness contract.
 constexpr bool relies_on_policy(const TickRecordHeader& tick) {

@@ -88,7 +88,7 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
     {Cause::contract_restored,    20,  {S, A, T, T, P, F}, kNo,   "",
       "the tick after"},
     {Cause::command_lost,         50,  {S, P, P, P, P, F}, kRest, "freshness.stop_after, one tick",
-      "a usable command; then takt reset"},
+      "takt reset; arming waits for a usable command"},
     {Cause::bad_commands,         55,  {S, P, P, P, P, F}, kRest,
       "freshness.bad_command_limit messages or freshness.clamped_share of the window, one tick",
       "refusals and clamped ticks in the window fall to their limits; then takt reset"},

@@ -156,8 +156,8 @@ static_assert(sizeof(CommandInUse) == 72 && sizeof(WaitingCommand) == 80 &&
               sizeof(SeatState) == 88 + sizeof(JoinState) + sizeof(CommandChunk) && sizeof(FallbackState) == 16 &&
               sizeof(CandidateState) == 32);
 static_assert(sizeof(JoinState) == 8 + 12 * kMaxJoints + 168);
-// What a cache has to hold: four chunks are nine tenths of it.
-static_assert(sizeof(TickState) <= 500'000);
+// What a cache has to hold: each seat's chunk, and one that waits, are nine tenths of it.
+static_assert(sizeof(TickState) <= (kSeatCount + 1) * 125'000);
 static_assert(sizeof(ImuWatch) == 2 * sizeof(ImuSample) + 8 + 16);
 
 }  // namespace takt::pipeline

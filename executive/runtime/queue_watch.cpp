@@ -3,23 +3,9 @@
 
 #include <algorithm>
 
+#include "executive/contract/tick_facts.hpp"
+
 namespace takt::runtime {
-namespace {
-
-MonoTime oldest_sample(const TickRecordHeader& tick) noexcept {
-  switch (tick.player) {
-    case Player::policy:
-      return tick.now - tick.age.total();
-    case Player::fallback:
-      return tick.now - tick.seats[Seat::fallback].age;
-    case Player::none:
-    case Player::candidate:
-      break;
-  }
-  return {};
-}
-
-}  // namespace
 
 void QueueWatch::take(const TickRecordHeader& tick) noexcept {
   // First what the bus said: it is about the ticks before this one.
@@ -27,7 +13,8 @@ void QueueWatch::take(const TickRecordHeader& tick) noexcept {
     const MonoTime since = tick.buses[bus].waiting_since;
     if (since != buses_[bus].since) buses_[bus] = {since, valid_until_of(since)};
   }
-  const MonoTime sample = oldest_sample(tick);
+  const std::optional<Duration> age = age_of_played(tick);
+  const MonoTime sample = age ? tick.now - *age : MonoTime{};
   ticks_[next_ % kTicks] = {tick.now, sample.is_set() ? sample + max_age_ : MonoTime{}};
   ++next_;
 }

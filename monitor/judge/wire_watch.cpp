@@ -3,23 +3,9 @@
 
 #include <algorithm>
 
+#include "executive/contract/tick_facts.hpp"
+
 namespace takt::monitor {
-namespace {
-
-std::optional<Duration> age_of_played(const TickRecordHeader& tick) noexcept {
-  switch (tick.player) {
-    case Player::policy:
-      return tick.age.total();
-    case Player::fallback:
-      return tick.seats[Seat::fallback].age;
-    case Player::none:
-    case Player::candidate:
-      break;
-  }
-  return std::nullopt;
-}
-
-}  // namespace
 
 WireWatch::PerBus WireWatch::take(const TickRecordHeader& tick) noexcept {
   PerBus found;
