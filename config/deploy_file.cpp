@@ -13,6 +13,7 @@
 #include "config/document.hpp"
 #include "config/export_reader.hpp"
 #include "config/exported_name.hpp"
+#include "config/robot_config.hpp"
 #include "config/units.hpp"
 #include "executive/contract/joints.hpp"
 

@@ -14,6 +14,7 @@
 
 #include "config/export_reader.hpp"
 #include "config/exported_name.hpp"
+#include "config/robot_config.hpp"
 
 namespace takt::config {
 namespace {
