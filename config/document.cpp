@@ -147,13 +147,23 @@ class TreeBuilder : public YAML::EventHandler {
   Node root_;
 };
 
-// Bytes of the character beyond ASCII that begins `text`; 0: none, or it is not whole.
-std::size_t utf8_length(std::string_view text) {
-  const auto first = static_cast<unsigned char>(text[0]);
-  if (first < 0xC2 || first > 0xF4) return 0;
-  const std::size_t length = first < 0xE0 ? 2 : first < 0xF0 ? 3 : 4;
-  const auto continues = [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) == 0x80; };
-  return text.size() >= length && std::ranges::all_of(text.substr(1, length - 1), continues) ? length : 0;
+// The library says what it found; which slips of a person end there.
+std::string_view cure_of(std::string_view found) {
+  struct Row {
+    std::string_view found, cure;
+  };
+  constexpr std::array rows{
+      Row{"end of map not found", "is this line indented as those above that belong with it?"},
+      Row{"end of sequence not found", "is this line indented as those above that belong with it?"},
+      Row{"end of map flow not found", "is a `}` or a comma missing before it?"},
+      Row{"end of sequence flow not found", "is a `]` or a comma missing before it?"},
+      Row{"illegal map value", "is a blank missing behind a `:`, or is this line indented too far?"},
+      Row{"alias not found after *", "put the text in quotes"},
+      Row{"the referenced anchor is not defined", "put the text in quotes"},
+      Row{"illegal flow end", "is a `{` or `[` missing before it?"},
+  };
+  const auto row = std::ranges::find(rows, found, &Row::found);
+  return row == rows.end() ? "correct the syntax here" : row->cure;
 }
 
 bool refuse_characters(std::string_view text, Problems& problems) {
@@ -166,7 +176,7 @@ bool refuse_characters(std::string_view text, Problems& problems) {
   std::size_t read_to = 0;
   for (std::size_t at = 0; at < text.size(); ++at) {
     const char c = text[at];
-    const std::size_t length = at < read_to || static_cast<unsigned char>(c) < 0x80 ? 1 : utf8_length(text.substr(at));
+    const std::size_t length = at < read_to ? 1 : utf8_length(text.substr(at));
     read_to = std::max(read_to, at + length);
     if (is_utf8 && length == 0) {
       problems.add(place,
@@ -239,25 +249,6 @@ void Node::add_missing(const Node& other) {
     else if (own->value.kind == Kind::map && given.value.kind == Kind::map)
       own->value.add_missing(given.value);
   }
-}
-
-// The library says what it found; which slips of a person end there.
-std::string_view cure_of(std::string_view found) {
-  struct Row {
-    std::string_view found, cure;
-  };
-  constexpr std::array rows{
-      Row{"end of map not found", "is this line indented as those above that belong with it?"},
-      Row{"end of sequence not found", "is this line indented as those above that belong with it?"},
-      Row{"end of map flow not found", "is a `}` or a comma missing before it?"},
-      Row{"end of sequence flow not found", "is a `]` or a comma missing before it?"},
-      Row{"illegal map value", "is a blank missing behind a `:`, or is this line indented too far?"},
-      Row{"alias not found after *", "put the text in quotes"},
-      Row{"the referenced anchor is not defined", "put the text in quotes"},
-      Row{"illegal flow end", "is a `{` or `[` missing before it?"},
-  };
-  const auto row = std::ranges::find(rows, found, &Row::found);
-  return row == rows.end() ? "correct the syntax here" : row->cure;
 }
 
 Node read_document(std::string_view text, Tags tags, Problems& problems) {

@@ -61,10 +61,11 @@ class ModelReader {
   std::expected<ModelText, std::string> read(const std::string& path) {
     const auto text = open(path);
     std::error_code error;
-    if (!std::filesystem::exists(path, error))
-      return std::unexpected(path +
-                             ": cannot be read: no such file; check the path, here or in simulation.mujoco.model");
-    if (!text) return std::unexpected(path + ": cannot be read; name an MJCF file as simulation.mujoco.model");
+    if (!text)
+      return std::unexpected(
+          path + (std::filesystem::exists(path, error)
+                      ? ": cannot be read; name an MJCF file as simulation.mujoco.model"
+                      : ": cannot be read: no such file; check the path, here or in simulation.mujoco.model"));
     model_.lines.push_back({0, 1});
     if (auto done = append(*text, 0, 1); !done) return std::unexpected(done.error());
     return std::move(model_);

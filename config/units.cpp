@@ -146,12 +146,13 @@ std::string with_each_unit(std::string_view number, Dimension dimension) {
 
 }  // namespace
 
-// "0,15 s" -> "0.15 s"; empty: no decimal comma.
-std::string with_point(std::string_view text) {
+constexpr std::string_view kWithoutComma = "a point before decimals, and nothing between thousands";
+
+// "0,15 s"; "10,000 ms", which another reads as ten thousand.
+bool has_comma_between_digits(std::string_view text) {
   const std::size_t comma = text.find(',');
   const auto is_digit = [&](std::size_t at) { return at < text.size() && text[at] >= '0' && text[at] <= '9'; };
-  if (comma == 0 || comma == std::string_view::npos || !is_digit(comma - 1) || !is_digit(comma + 1)) return {};
-  return fmt::format("{}.{}", text.substr(0, comma), text.substr(comma + 1));
+  return comma != 0 && comma != std::string_view::npos && is_digit(comma - 1) && is_digit(comma + 1);
 }
 
 std::expected<double, std::string> parse_number(std::string_view text) {
@@ -165,17 +166,16 @@ std::expected<double, std::string> parse_number(std::string_view text) {
   if (error == std::errc::result_out_of_range)
     return std::unexpected(fmt::format("{} is too large or too small", text));
   if (error != std::errc{} || end != text.data() + text.size())
-    return std::unexpected(
-        fmt::format("`{}` is not a number; write {}", text,
-                    with_point(text).empty() ? "digits such as 0.5 or 1e-3" : "a point: " + with_point(text)));
+    return std::unexpected(fmt::format("`{}` is not a number; write {}", text,
+                                       has_comma_between_digits(text) ? kWithoutComma : "digits such as 0.5 or 1e-3"));
   if (!std::isfinite(value)) return std::unexpected(fmt::format("{} is not finite; write a real number", text));
   return value;
 }
 
 std::expected<double, std::string> parse_quantity(std::string_view text, Dimension dimension) {
   if (dimension == Dimension::none) return parse_number(text);
-  if (const std::string pointed = with_point(text); !pointed.empty())
-    return std::unexpected(fmt::format("{} is not {}; write a point: {}", text, noun(dimension), pointed));
+  if (has_comma_between_digits(text))
+    return std::unexpected(fmt::format("{} is not {}; write {}", text, noun(dimension), kWithoutComma));
   const std::string wanted = symbols(dimension);
   const std::size_t digits = number_length(text);
   if (digits == 0)

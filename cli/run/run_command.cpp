@@ -142,7 +142,7 @@ std::expected<void, Refusal> check_policy(const Given& given, const config::Robo
 void tell_wrong_core(const config::RobotConfig& robot) {
   if (!robot.control.cpu) return;
   if (const long cores = ::sysconf(_SC_NPROCESSORS_CONF); cores > 0 && *robot.control.cpu >= cores)
-    note("note", fmt::format("control.cpu {}: this machine has no such core, but 0 to {}; the loop goes to any",
+    note("note", fmt::format("control.cpu {}: this machine has cores 0 to {}; write one of these, or `cpu: none`",
                              *robot.control.cpu, cores - 1));
   for (const RunningRobot& other : running_robots(places_of_this_user()))
     if (what_runs_in(other.runtime_directory).cpu == robot.control.cpu)

@@ -226,6 +226,7 @@ IncidentNote Reception::incident() const {
   note.cause = incident->cause;
   note.asked = incident->asked ? 1 : 0;
   note.stands = incidents->stands() ? 1 : 0;
+  note.stop_asked = note.asked;
   for (const OperatorRequest stop : {OperatorRequest::stop, OperatorRequest::press_stop, OperatorRequest::deenergise})
     if (parts_.follower.last_read(stop) >= incident->tick) note.stop_asked = 1;
   incident->where.copy(note.where, sizeof note.where - 1);

@@ -131,13 +131,24 @@ MonoTime Script::over_at(const RunEvent& event) const {
   return again == nullptr ? MonoTime{} : again->at + grace_;
 }
 
+namespace {
+
+// "sensor cam0: no sample yet" names cam0, and not cam.
+bool names_sensor(std::string_view problem, const std::string& sensor) {
+  const std::string named = "sensor " + sensor;
+  const std::size_t at = problem.find(named), end = at + named.size();
+  return at != std::string_view::npos && (end == problem.size() || problem[end] == ':' || problem[end] == ' ');
+}
+
+}  // namespace
+
 // Of the sensor's program that `problem` names, where `takt run` started it: it ended, and is not back.
 std::string Script::sensors_end(std::string_view problem, MonoTime at) const {
   constexpr std::string_view kLabel = "sensor-";
   std::string text;
   for (const RunEvent& event : events_) {
     const bool is_sensors = event.event == "ended" && event.is_sealed && event.process.starts_with(kLabel) &&
-                            problem.contains(event.process.substr(kLabel.size()));
+                            names_sensor(problem, event.process.substr(kLabel.size()));
     const RunEvent* const again = is_sensors ? next("started", event) : nullptr;
     if (is_sensors && event.at <= at + kNotedLate && (again == nullptr || at < again->at))
       text = "; " + config::printable(end_before(event, at));

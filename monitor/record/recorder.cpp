@@ -24,6 +24,7 @@ constexpr Duration kSegment = seconds(10);
 constexpr Duration kSealPeriod = seconds(60);
 constexpr Duration kJointStatePeriod = milliseconds(10);
 constexpr Duration kTransformsPeriod = milliseconds(40);
+constexpr Duration kLatestPicture = seconds(60);  // behind the newest tick
 constexpr std::uint64_t kReserveBytes = 1U << 20U;
 constexpr std::size_t kChunkBytes = 1U << 20U;  // uncompressed, unless half a second passes first
 constexpr std::size_t kFrameTextBytes = 1U << 20U;
@@ -135,6 +136,8 @@ Recorder::Recorder(const RunFolder& folder, RunManifest manifest, std::shared_pt
 
 void Recorder::picture(const ShownPicture& picture) {
   if (picture.sensor >= watch_->robot.sensors.size() || !watch_->robot.sensors[picture.sensor].image) return;
+  // The sensor's process says when; no viewer can use one that is off by more than a stall.
+  if (picture.sensed_at.ns <= 0 || picture.sensed_at > now_ + kLatestPicture) return;
   encode_compressed_image(watch_->robot.sensors[picture.sensor].name, "png", picture.png, unix_ns(picture.sensed_at),
                           message_);
   write(picture_channel(watch_->robot, picture.sensor), now_);

@@ -52,8 +52,7 @@ RunParts::RunParts(RunFolder folder, std::unique_ptr<Recorder> first, std::uint6
                  .frame = [this](const FrameRecord& frame) { current_->sink().frame(frame); },
                  .loss = [this](const Loss& loss) { current_->sink().loss(loss); },
                  .policy_input = [this](const RecordedPolicyInput& input) { policy_input(input); },
-                 .image = [this](const ShownImage& image) { current_->sink().image(image); },
-                 .picture = [this](const ShownPicture& picture) { current_->sink().picture(picture); }};
+                 .image = [this](const ShownImage& image) { current_->sink().image(image); }};
 }
 
 RunParts::~RunParts() {

@@ -69,6 +69,13 @@ def main():
         for rivals, why in [("takt", "write two methods"), ("takt,takt", "two different methods"), ("takt,nobody", "no method nobody")]:
             refused = run(pathlib.Path(folder, "refused"), rivals)
             expect(rivals, refused.returncode == 64 and why in refused.stderr, refused.stderr)
+        panel, nowhere = PANEL[2], pathlib.Path(folder, "nowhere")
+        for words, code, why in [(("report", whole), 1, "is of a panel's artifact, not of a run"),
+                                 (("panel", "run", panel, "--out", nowhere, "--method", "tackt"), 64, "no method of this panel; it has "),
+                                 (("panel", "run", panel, "--out", nowhere, "--only", "lost"), 64, "no rollout of this panel, which has such as "),
+                                 (("policy", "try", panel), 64, "is no folder: name the one that it is in")]:
+            refused = takt(*words)
+            expect(words[0], refused.returncode == code and why in refused.stderr, refused.stderr)
     print("a panel ends with the seed that decides")
 
 

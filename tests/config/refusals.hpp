@@ -263,10 +263,12 @@ inline constexpr Refusal kRefusals[] = {
             "47:9: YAML cannot be read: the referenced anchor is not defined; put the text in quotes"},
     Refusal{"another encoding", "robot: small", "robot: k\xf6nig",
             "2:9: byte 0xf6 is no UTF-8; save the file as UTF-8"},
-    Refusal{"a decimal comma in a quantity", "120 ms", "0,12 s",
-            "5:12: freshness.max_age: 0,12 s is not a time; write a point: 0.12 s"},
+    Refusal{
+        "a decimal comma in a quantity", "120 ms", "0,12 s",
+        "5:12: freshness.max_age: 0,12 s is not a time; write a point before decimals, and nothing between thousands"},
     Refusal{"a decimal comma in a number", "epsilon: 0.01", "epsilon: 0,01",
-            "6:12: freshness.epsilon: `0,01` is not a number; write a point: 0.01"},
+            "6:12: freshness.epsilon: `0,01` is not a number; write a point before decimals, and nothing between "
+            "thousands"},
     Refusal{"a drive model in small letters", "AK10-9", "ak10-9",
             "19:53: joints[0].drive.model: drive model `ak10-9` is not known; write `AK10-9`"},
     Refusal{"an anchor", "gains: { kp: 60", "gains: &g { kp: 60",

@@ -52,6 +52,10 @@ TEST_F(ReportCli, WhatCannotBeReadIsRefusedInOneLineAndNothingIsWritten) {
 // What was judged reproduces, but ten ticks are gone: not the same as a run of which every tick reproduces.
 TEST_F(ReportCli, ReplaySaysByItsExitCodeThatNotEveryTickCouldBeJudged) {
   EXPECT_EQ(takt("replay " + in("run")).exit_code, 0);
+  const Ended beyond = takt("replay " + in("run") + " --from 99999999");
+  EXPECT_EQ(beyond.exit_code, 1);
+  EXPECT_NE(beyond.output.find("--from 99999999: the run's last tick is "), std::string::npos) << beyond.output;
+  EXPECT_EQ(takt("replay " + in("run") + " --from -5").exit_code, 64);
   const auto gone = [](std::uint64_t tick) { return tick < 1'050 || tick > 1'060; };
   monitor::altered_copy(
       monitor::open_run(in("run")).value(), in("gap"), [](TickRecord&) {}, [](monitor::RecordedCommand&) {}, gone);

@@ -127,7 +127,7 @@ TEST_F(Deploy, RefusalsChangeNothing) {
 
 TEST_F(Deploy, RollbackGoesBackByHand) {
   const std::string store = " --no-restart --store " + in("store") + " --runtime-dir " + in("rt");
-  EXPECT_EQ(takt("rollback" + store).exit_code, 1) << "nothing was in use";
+  EXPECT_NE(takt("rollback" + store).output.find("nothing was deployed to "), std::string::npos);
   for (const char* name : {"one", "two", "three"})
     ASSERT_EQ(deploy("good.yaml", "--no-restart --simulated --name " + std::string(name)).exit_code, 0);
   const Ended back = takt("rollback --json" + store);

@@ -146,15 +146,16 @@ TEST_F(ScriptTest, WhatThePolicysHostSaysIsTheReason) {
 // Goal: a policy that waits for a sensor is explained by that sensor's program, as long as that is gone.
 TEST_F(ScriptTest, TheEndOfASensorsProgramStandsBesideThePolicysProblem) {
   const Line problem{milliseconds(450),
-                     R"("event":"policy","role":"policy","kind":"problem","what":"no image of cam0")"};
+                     R"("event":"policy","role":"policy","kind":"problem","what":"sensor cam0: no sample yet")"};
   const std::string told =
-      "; policy: no image of cam0, 450 ms before; sensor-cam0 was killed by SIGKILL, 500 ms before";
+      "; policy: sensor cam0: no sample yet, 450 ms before; sensor-cam0 was killed by SIGKILL, 500 ms before";
   const auto sentence = [&](std::vector<Line> lines) {
     lines.push_back(problem);
     return with(lines).incidents.at(0).sentence;
   };
   EXPECT_NE(sentence({{milliseconds(500), ended("sensor-cam0")}}).find(told), std::string::npos);
   EXPECT_EQ(sentence({{milliseconds(500), ended("sensor-cam1")}}).find("SIGKILL"), std::string::npos);
+  EXPECT_EQ(sentence({{milliseconds(500), ended("sensor-cam")}}).find("SIGKILL"), std::string::npos);
   EXPECT_EQ(sentence({{milliseconds(500), ended("sensor-cam0")},
                       {milliseconds(480), R"("event":"started","process":"sensor-cam0")"}})
                 .find("SIGKILL"),

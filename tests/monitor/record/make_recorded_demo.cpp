@@ -100,7 +100,8 @@ void write_page_with_images(const RecordedRun& run, const MonoTime start, const 
 }
 
 // DIR/viewed: what a recorder is given of two cameras behind a sensor without images. Picture k of camera `left` was
-// sensed k s after the beginning; it is red by its column, green by its row, and blue by k.
+// sensed k s after the beginning; it is red by its column, green by its row, and blue by k. Pictures whose stamps
+// cannot be are none.
 void record_pictures(const std::string& directory) {
   constexpr config::ImageShape kShape{24, 32, 3};
   config::RobotConfig robot = demo_robot();
@@ -111,15 +112,17 @@ void record_pictures(const std::string& directory) {
   const RunManifest manifest = VirtualRobot().manifest();
   const auto recorder = Recorder::start(*folder, manifest, robot);
   if (!recorder) throw std::runtime_error(recorder.error());
+  const auto camera = static_cast<std::uint32_t>(robot.sensors.size() - 1);
+  for (const MonoTime nonsensical : {MonoTime{INT64_MAX}, MonoTime{INT64_MIN}, MonoTime{}})
+    (*recorder)->sink().picture({.sensed_at = nonsensical, .sensor = camera, .png = "none"});
   for (std::uint8_t k = 0; k < 3; ++k) {
     std::vector<std::byte> pixels;
     for (std::uint32_t row = 0; row < kShape.height; ++row)
       for (std::uint32_t column = 0; column < kShape.width; ++column)
         for (const std::uint32_t value : {column, row, std::uint32_t{k}})
           pixels.push_back(static_cast<std::byte>(value));
-    (*recorder)->sink().picture({.sensed_at = manifest.started_at + seconds(k),
-                                 .sensor = static_cast<std::uint32_t>(robot.sensors.size() - 1),
-                                 .png = png_image(kShape, pixels)});
+    (*recorder)->sink().picture(
+        {.sensed_at = manifest.started_at + seconds(k), .sensor = camera, .png = png_image(kShape, pixels)});
   }
   const auto finished = (*recorder)->finish(manifest.started_at + seconds(3), "");
   if (!finished) throw std::runtime_error(finished.error());
