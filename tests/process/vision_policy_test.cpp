@@ -21,6 +21,7 @@
 #include "client/takt/client.h"
 #include "executive/contract/monotonic_clock.hpp"
 #include "monitor/record/image_file.hpp"
+#include "monitor/record/mcap_reader.hpp"
 #include "monitor/record/recorded_run.hpp"
 #include "tests/process/running_robot.hpp"
 #include "tests/simulation/looking_arm.hpp"
@@ -104,6 +105,20 @@ std::set<std::size_t> spots_in(const std::string& folder) {
   return spots;
 }
 
+// Images that the policy was shown, and pictures of them for viewers: as many as fit, and these are small.
+std::pair<int, int> images_and_pictures_in(const std::string& folder) {
+  std::pair<int, int> counted;
+  const auto ticks = monitor::McapReader::open(monitor::RunFolder(folder).ticks());
+  EXPECT_TRUE(ticks) << ticks.error();
+  if (!ticks) return counted;
+  (void)ticks->scan([&](const monitor::McapMessage& message) {
+    if (message.topic == "/takt/image") ++counted.first;
+    if (message.schema_name == "sensor_msgs/msg/CompressedImage") ++counted.second;
+    return true;
+  });
+  return counted;
+}
+
 // Exit code and what it printed.
 std::pair<std::optional<int>, std::string> replay_policy(const RunningRobot& robot) {
   const std::string log = robot.directory() + "/policy-replay.log";
@@ -156,6 +171,9 @@ TEST(VisionPolicy, TurnsAfterWhatItSeesAndSaysHowOldThatWas) {
     const auto [same, judged] = replay_policy(robot);
     EXPECT_EQ(same, 0) << judged << robot.logs();
     EXPECT_EQ(spots_in(robot.run_directory()), (std::set<std::size_t>{4, 52}));
+    const auto [shown, pictures] = images_and_pictures_in(robot.run_directory());
+    EXPECT_GT(shown, 50);
+    EXPECT_EQ(pictures, shown);
     const std::filesystem::directory_iterator images(robot.run_directory() + "/images");
     ASSERT_EQ(std::distance(begin(images), end(images)), 2) << "as many files as there were pictures";
     std::filesystem::remove(*std::filesystem::directory_iterator(robot.run_directory() + "/images"));
