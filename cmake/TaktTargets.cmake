@@ -45,7 +45,7 @@ set(TAKT_ARITHMETIC $<$<CONFIG:RelWithDebInfo>:-O2>) # for targets in such a fol
 set(TAKT_EVERY_TICK -fno-semantic-interposition)
 
 # A first build in half the time: a target's sources are compiled several at once, so that headers are read once for all of
-# them. Their file-local names must differ therefore. Off for those who edit them (./dev build), and for tests.
+# them. Their file-local names must differ therefore. Off for those who edit them (./dev build).
 option(TAKT_UNITY_BUILD "Compile several sources of a target at once" ON)
 set(CMAKE_UNITY_BUILD ${TAKT_UNITY_BUILD})
 set(CMAKE_UNITY_BUILD_BATCH_SIZE 24)
@@ -99,12 +99,14 @@ function(takt_engine name)
 endfunction()
 
 # takt_test(NAME SOURCES... DEPENDS... LABELS...): one GoogleTest program, one CTest entry; of `process` tests, one entry
-# NAME.CASE for each case, so that one which a stall broke is all that runs again.
+# NAME.CASE for each case, so that one which a stall broke is all that runs again. APART: sources whose file-local names others
+# have too.
 # Labels: `tsan` tests also run under ThreadSanitizer; `process` tests start real processes. Those run side by side, but
 # for those that are ALONE: what they watch is the whole machine.
 function(takt_test name)
-  cmake_parse_arguments(ARG "ALONE" "TIMEOUT" "SOURCES;DEPENDS;LABELS" ${ARGN})
-  add_executable(${name} ${ARG_SOURCES})
+  cmake_parse_arguments(ARG "ALONE" "TIMEOUT" "SOURCES;DEPENDS;LABELS;APART" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES} ${ARG_APART})
+  set_source_files_properties(${ARG_APART} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   target_link_libraries(${name} PRIVATE takt_options ${ARG_DEPENDS} GTest::gtest GTest::gtest_main)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)

@@ -12,13 +12,13 @@
 #include "cli/command.hpp"
 #include "cli/json_line.hpp"
 #include "cli/robot/asked_drives.hpp"
-#include "drivers/tools/discovery.hpp"
+#include "commissioning/discovery.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 
 namespace takt::cli {
 namespace {
 
-using drivers::BusScan;
+using commissioning::BusScan;
 
 struct BusScanOptions {
   std::string robot_file, runtime_dir;
@@ -53,7 +53,7 @@ BusScan scan_for(const config::RobotConfig& robot, std::size_t bus, std::uint32_
   BusScan scan(protocols, protocols.contains(config::DriveProtocol::odrive) ? 0 : 1, last_id);
   for (const config::Joint& joint : robot.joints)
     if (joint.bus == bus)
-      for (const drivers::CanFrame& question : drivers::own_questions(joint.drive, robot.buses[bus]))
+      for (const drivers::CanFrame& question : commissioning::own_questions(joint.drive, robot.buses[bus]))
         scan.also_ask(question);
   return scan;
 }
@@ -62,7 +62,7 @@ BusScan scan_for(const config::RobotConfig& robot, std::size_t bus, std::uint32_
 void ask_around(BusScan& scan, drivers::CanBus& bus) {
   std::vector<drivers::ReceivedFrame> received(64);
   const MonoTime started = monotonic_now();
-  const Duration length = milliseconds(1) * static_cast<std::int64_t>(scan.questions()) + drivers::kListen;
+  const Duration length = milliseconds(1) * static_cast<std::int64_t>(scan.questions()) + commissioning::kListen;
   while (monotonic_now() - started < length) {
     if (const auto question = scan.next_question()) bus.send(*question);
     pause(milliseconds(1));
@@ -108,7 +108,7 @@ Line joint_line(const config::Joint& joint, const config::RobotConfig& robot, co
             .id = joint.drive.id,
             .joint = joint.name,
             .said = {},
-            .differs = drivers::differences(joint, drive, feedback),
+            .differs = commissioning::differences(joint, drive, feedback),
             .answered = drive != nullptr || feedback.received_at.is_set()};
   if (drive != nullptr) line.said = drive->said;
   return line;

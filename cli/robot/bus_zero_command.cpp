@@ -9,11 +9,11 @@
 #include "cli/command.hpp"
 #include "cli/robot/direct_bus.hpp"
 #include "cli/robot/drive_listener.hpp"
+#include "commissioning/discovery.hpp"
+#include "commissioning/home_place.hpp"
 #include "config/joint_units.hpp"
 #include "config/load.hpp"
 #include "drivers/protocol/protocol_table.hpp"
-#include "drivers/tools/discovery.hpp"
-#include "drivers/tools/home_place.hpp"
 
 namespace takt::cli {
 namespace {
@@ -33,7 +33,7 @@ std::expected<int, Refusal> set_zero(const BusZeroOptions& options) {
   const auto alone = require_alone(*robot);
   if (!alone) return std::unexpected(alone.error());
   const config::Joint& joint = robot->config.joints[*index];
-  if (drivers::forgets_home(joint.drive) &&
+  if (commissioning::forgets_home(joint.drive) &&
       joint.drive.position_after_power_up != config::PositionAfterPowerUp::within_a_turn)
     return std::unexpected(
         Refusal{kExitFailed,
@@ -50,7 +50,7 @@ std::expected<int, Refusal> set_zero(const BusZeroOptions& options) {
         Refusal{kExitFailed, fmt::format("joint {}: {}", joint.name, listener.why_not_disabled(joint.drive))});
   const double before = listener.q();
   const std::string_view unit = config::kJointPosition.unit(joint.kind);
-  const auto frames = drivers::zero_frames(joint.drive);
+  const auto frames = commissioning::zero_frames(joint.drive);
   if (frames.empty()) {
     fmt::print(
         "joint {0} reads {1:.4f} {3}; its drive keeps no zero over CAN: write `offset: {2:.4f} {3}` into its drive\n",

@@ -21,16 +21,16 @@
 #include "cli/json_line.hpp"
 #include "cli/quantity_option.hpp"
 #include "cli/robot/direct_bus.hpp"
+#include "commissioning/holding_torques.hpp"
+#include "commissioning/joint_jog.hpp"
 #include "config/joint_units.hpp"
 #include "config/load.hpp"
 #include "drivers/protocol/home_note.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "drivers/protocol/seen_angle.hpp"
 #include "drivers/protocol/shown_unit.hpp"
-#include "drivers/tools/joint_jog.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/contract/pace.hpp"
-#include "executive/setup/holding_torques.hpp"
 
 namespace takt::cli {
 namespace {
@@ -81,7 +81,7 @@ class Drives {
   [[nodiscard]] drivers::JointDriver& driver(std::size_t joint) { return *drives_[joint].driver; }
 
   // `jog`: told of every frame on the jogged joint's bus.
-  void listen(drivers::JointJog& jog, std::size_t jogged) {
+  void listen(commissioning::JointJog& jog, std::size_t jogged) {
     for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
       const std::size_t count = buses_[bus] == nullptr ? 0 : buses_[bus]->receive(received_);
       for (std::size_t i = 0; i < count; ++i) {
@@ -91,7 +91,7 @@ class Drives {
       }
     }
   }
-  void speak(drivers::JointJog& jog, std::size_t jogged, MonoTime now) {
+  void speak(commissioning::JointJog& jog, std::size_t jogged, MonoTime now) {
     for (std::size_t joint = 0; joint < drives_.size(); ++joint) {
       if (!drives_[joint].driver) continue;
       const std::size_t frames =
@@ -125,8 +125,8 @@ void keep_home(const DirectRobot& robot, std::size_t joint, drivers::HomeNote no
   (void)drivers::write_home_note(robot.runtime_directory, robot.config, joint, note);
 }
 
-drivers::GravityTerm gravity_at(std::size_t joint, const config::RobotConfig& robot, const Drives& drives) {
-  const auto torques = std::make_shared<const setup::HoldingTorques>(robot);
+commissioning::GravityTerm gravity_at(std::size_t joint, const config::RobotConfig& robot, const Drives& drives) {
+  const auto torques = std::make_shared<const commissioning::HoldingTorques>(robot);
   return [joint, torques, &drives]() -> std::optional<double> {
     const auto q = drives.positions(monotonic_now());
     if (!q) return std::nullopt;
@@ -135,7 +135,7 @@ drivers::GravityTerm gravity_at(std::size_t joint, const config::RobotConfig& ro
 }
 
 // Interrupting it releases the drive first.
-void run(drivers::JointJog& jog, std::size_t jogged, Drives& drives, Duration period) {
+void run(commissioning::JointJog& jog, std::size_t jogged, Drives& drives, Duration period) {
   std::signal(SIGINT, [](int) { g_jog_interrupted = 1; });
   std::signal(SIGTERM, [](int) { g_jog_interrupted = 1; });
   for (Pace pace(monotonic_now(), period); !jog.ended(); pace.advance(monotonic_now())) {
@@ -164,7 +164,7 @@ std::string today() {
 
 // What was asked for, in base units.
 struct JogAsked {
-  drivers::JogWish wish;
+  commissioning::JogWish wish;
   std::optional<double> saw{};
 };
 
@@ -174,7 +174,7 @@ std::expected<JogAsked, std::string> jog_asked(const JointOptions& options, cons
   for (const auto* const each : {&by, &speed, &torque, &saw})
     if (!*each) return std::unexpected(each->error());
   const double most = joint.limits.torque;
-  const drivers::JogWish wish{.by = by->value(), .speed = speed->value(), .torque = torque->value_or(0.1 * most)};
+  const commissioning::JogWish wish{.by = by->value(), .speed = speed->value(), .torque = torque->value_or(0.1 * most)};
   if (wish.torque > most)
     return std::unexpected(fmt::format("--torque {0} {2} exceeds limits.torque {1} {2} of {3}", wish.torque, most,
                                        config::kJointTorque.unit(joint.kind), joint.name));
@@ -186,8 +186,8 @@ bool slides(const config::Joint& joint) {
 }
 
 // JogAsked for at a terminal only: elsewhere --saw says it.
-std::optional<double> seen_by_person(const config::Joint& joint, const drivers::JointJog& jog, const JogAsked& asked,
-                                     const JointOptions& options) {
+std::optional<double> seen_by_person(const config::Joint& joint, const commissioning::JointJog& jog,
+                                     const JogAsked& asked, const JointOptions& options) {
   if (asked.saw) return asked.saw;
   if (options.json || ::isatty(STDIN_FILENO) == 0) return std::nullopt;
   const double size = drivers::shown_unit(joint.kind).size;
@@ -202,7 +202,7 @@ std::optional<double> seen_by_person(const config::Joint& joint, const drivers::
 }
 
 // An eye on the joint outweighs what a drive writes of itself.
-void judge_by_eye(const DirectRobot& robot, std::size_t joint, const drivers::JointJog& jog, double seen,
+void judge_by_eye(const DirectRobot& robot, std::size_t joint, const commissioning::JointJog& jog, double seen,
                   Judgement& judged) {
   const drivers::SeenAngle angle{jog.moved(), seen, today()};
   judged.failure = drivers::contradicted_by_eye(robot.config.joints[joint], angle);
@@ -215,9 +215,10 @@ void judge_by_eye(const DirectRobot& robot, std::size_t joint, const drivers::Jo
                                                   : "nothing is kept of its scale");
 }
 
-void judge_by_drive(const DirectRobot& robot, std::size_t joint, const drivers::JointJog& jog, Judgement& judged) {
+void judge_by_drive(const DirectRobot& robot, std::size_t joint, const commissioning::JointJog& jog,
+                    Judgement& judged) {
   const auto own = jog.own_scale();
-  if (own && own->verdict == drivers::OwnScale::Verdict::wrong) {
+  if (own && own->verdict == commissioning::OwnScale::Verdict::wrong) {
     judged.exit_code = kExitWrongScale;
     judged.failure = own->sentence;
     return;
@@ -236,18 +237,18 @@ void judge_by_drive(const DirectRobot& robot, std::size_t joint, const drivers::
                                          : "Which angle did you see? Jog again with --saw ANGLE"));
 }
 
-Judgement judge(const DirectRobot& robot, std::size_t joint, const drivers::JointJog& jog, const JogAsked& asked,
+Judgement judge(const DirectRobot& robot, std::size_t joint, const commissioning::JointJog& jog, const JogAsked& asked,
                 const JointOptions& options) {
   Judgement judged;
   // A move that was cut short says nothing about scales.
   if (!jog.failure().empty()) return {kExitFailed, jog.failure(), {}};
-  const drivers::VelocityScale velocity = jog.velocity_scale();
-  if (velocity.verdict == drivers::VelocityScale::Verdict::wrong) {
+  const commissioning::VelocityScale velocity = jog.velocity_scale();
+  if (velocity.verdict == commissioning::VelocityScale::Verdict::wrong) {
     const auto own = jog.own_scale();
-    const bool knows = own && own->verdict == drivers::OwnScale::Verdict::wrong;
+    const bool knows = own && own->verdict == commissioning::OwnScale::Verdict::wrong;
     return {kExitWrongScale, knows ? own->sentence + "; " + velocity.sentence : velocity.sentence, {}};
   }
-  judged.notes.push_back(velocity.verdict == drivers::VelocityScale::Verdict::right
+  judged.notes.push_back(velocity.verdict == commissioning::VelocityScale::Verdict::right
                              ? fmt::format("its velocity belongs to its position: {:.3f}, known within {:.0f} %",
                                            velocity.scale, 100 * velocity.uncertainty)
                              : velocity.sentence);
@@ -259,7 +260,7 @@ Judgement judge(const DirectRobot& robot, std::size_t joint, const drivers::Join
   return judged;
 }
 
-int report(const config::Joint& joint, const drivers::JointJog& jog, const Judgement& judged,
+int report(const config::Joint& joint, const commissioning::JointJog& jog, const Judgement& judged,
            const JointOptions& options) {
   if (options.json) {
     const std::string unit(config::kJointPosition.unit(joint.kind));
@@ -304,8 +305,8 @@ std::expected<int, Refusal> jog(const JointOptions& options) {
   const bool carries = robot->config.model.has_value() && !options.without_gravity;
   auto drives = Drives::open(*robot, *index, carries, notes);
   if (!drives) return std::unexpected(drives.error());
-  drivers::JointJog moving(joint, wished->wish, drives->driver(*index),
-                           carries ? gravity_at(*index, robot->config, *drives) : drivers::GravityTerm());
+  commissioning::JointJog moving(joint, wished->wish, drives->driver(*index),
+                                 carries ? gravity_at(*index, robot->config, *drives) : commissioning::GravityTerm());
   const auto permission = permit_torque(robot->config);
   if (!permission) return std::unexpected(permission.error());
   run(moving, *index, *drives, robot->config.control.period);

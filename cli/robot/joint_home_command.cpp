@@ -14,13 +14,13 @@
 #include "cli/quantity_option.hpp"
 #include "cli/robot/direct_bus.hpp"
 #include "cli/robot/drive_listener.hpp"
+#include "commissioning/home_place.hpp"
+#include "commissioning/stop_search.hpp"
 #include "config/joint_units.hpp"
 #include "config/load.hpp"
 #include "drivers/protocol/home_note.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "drivers/protocol/shown_unit.hpp"
-#include "drivers/tools/home_place.hpp"
-#include "drivers/tools/stop_search.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/contract/pace.hpp"
 
@@ -85,10 +85,10 @@ std::optional<double> place_by_limits(const config::Joint& joint, const JointFee
 std::expected<int, Refusal> make_known(const DirectRobot& robot, std::size_t index, double at, drivers::CanBus& bus,
                                        DriveListener& listener) {
   const config::Joint& joint = robot.config.joints[index];
-  const auto frame = drivers::home_frame(joint, at);
+  const auto frame = commissioning::home_frame(joint, at);
   double shift = 0;
   if (!frame) {
-    const auto found = drivers::shift_between(joint, listener.q(), at);
+    const auto found = commissioning::shift_between(joint, listener.q(), at);
     if (!found) return std::unexpected(refusal(joint, found.error()));
     shift = *found;
   }
@@ -119,15 +119,16 @@ std::expected<int, Refusal> make_known(const DirectRobot& robot, std::size_t ind
 volatile std::sig_atomic_t g_home_interrupted = 0;
 
 // What the drive reads at the stop. Interrupting it releases the drive first.
-std::expected<double, Refusal> lead_to_stop(const DirectRobot& robot, std::size_t index, const drivers::StopWish& wish,
-                                            drivers::CanBus& bus, drivers::JointDriver& driver) {
+std::expected<double, Refusal> lead_to_stop(const DirectRobot& robot, std::size_t index,
+                                            const commissioning::StopWish& wish, drivers::CanBus& bus,
+                                            drivers::JointDriver& driver) {
   const config::Joint& joint = robot.config.joints[index];
   if (joint.passive) return std::unexpected(refusal(joint, "is passive: nothing can move it"));
   const auto permission = permit_torque(robot.config);
   if (!permission) return std::unexpected(permission.error());
   std::signal(SIGINT, [](int) { g_home_interrupted = 1; });
   std::signal(SIGTERM, [](int) { g_home_interrupted = 1; });
-  drivers::StopSearch search(joint, wish, driver);
+  commissioning::StopSearch search(joint, wish, driver);
   std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
   std::array<drivers::ReceivedFrame, 64> received;
   for (Pace pace(monotonic_now(), robot.config.control.period); !search.ended(); pace.advance(monotonic_now())) {
@@ -147,7 +148,7 @@ std::expected<double, Refusal> lead_to_stop(const DirectRobot& robot, std::size_
 // What was asked for, in base units.
 struct HomeAsked {
   double at = 0;
-  drivers::StopWish stop;
+  commissioning::StopWish stop;
 };
 
 std::expected<HomeAsked, std::string> home_asked(const HomeOptions& options, const config::Joint& joint) {
@@ -164,7 +165,7 @@ std::expected<HomeAsked, std::string> home_asked(const HomeOptions& options, con
   if (all.stop.torque > limits.torque)
     return std::unexpected(fmt::format("--torque {0} {2} exceeds limits.torque {1} {2} of {3}", all.stop.torque,
                                        limits.torque, config::kJointTorque.unit(joint.kind), joint.name));
-  if (const auto possible = drivers::check_place(joint, all.at); !possible)
+  if (const auto possible = commissioning::check_place(joint, all.at); !possible)
     return std::unexpected("--at: " + possible.error());
   return all;
 }
@@ -175,7 +176,7 @@ std::expected<int, Refusal> home(const HomeOptions& options) {
   const auto index = find_joint(*robot, options.joint);
   if (!index) return std::unexpected(index.error());
   const config::Joint& joint = robot->config.joints[*index];
-  if (!drivers::forgets_home(joint.drive))
+  if (!commissioning::forgets_home(joint.drive))
     return std::unexpected(
         refusal(joint,
                 "by the robot file its drive knows where it is since power-on (position_after_power_up: absolute); "

@@ -9,7 +9,7 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "drivers/bus/candump.hpp"
+#include "monitor/record/candump.hpp"
 #include "monitor/record/frame_log.hpp"
 #include "monitor/record/robot_description.hpp"
 #include "monitor/record/run_seal.hpp"
@@ -209,7 +209,7 @@ void Recorder::log(Level level, std::string_view text) {
 void Recorder::frame(const FrameRecord& record) {
   if (!stop_reason().empty()) return;
   const std::string& bus = record.bus < manifest_.buses.size() ? manifest_.buses[record.bus] : "unknown";
-  drivers::append_candump_line(frame_text_, record, bus, manifest_.clock.monotonic_to_unix_ns);
+  append_candump_line(frame_text_, record, bus, manifest_.clock.monotonic_to_unix_ns);
   if (frame_text_.size() >= kFrameTextBytes) write_frames();
 }
 

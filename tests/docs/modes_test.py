@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Goal: docs/modes.md is what the tick does, as it is measured now, and every test that it names is there, runs and
 passes. Method: the page is made again and compared; each named test runs with a filter, as those of docs/hazards.md do
-(tests/exploration/hazards_test.py). A proof that is planted must be found missing.
+(tests/hazards/hazards_test.py). A proof that is planted must be found missing.
 Usage: modes_test.py REPOSITORY BIN_FOLDER. Exit codes: 0 fine, 1 not.
 """
 import difflib
@@ -10,7 +10,7 @@ import pathlib
 import subprocess
 import sys
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "exploration"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "hazards"))
 from hazards_test import problems_with  # noqa: E402
 
 

@@ -17,7 +17,6 @@ MAY_USE = {
     "executive/log": "",
     "executive/ipc": "executive/contract",
     "executive/pipeline": "executive/contract",
-    "executive/hazards": "executive/contract executive/pipeline",
     "config": "executive/contract",
     "config/trouble": "executive/contract config",
     "executive/setup": "executive/contract executive/pipeline config",
@@ -27,10 +26,10 @@ MAY_USE = {
     "drivers/protocol": "executive/contract config drivers/bus",
     "drivers/guard": "executive/contract config drivers/bus",  # not drivers/protocol: it reads what those write
     "drivers/torque_output": "config drivers/bus",
-    "drivers/tools": "executive/contract config drivers/bus drivers/protocol",
     "executive/incident": "executive/contract executive/pipeline config drivers/protocol",
     "executive/runtime": f"{SHARED} executive/program executive/pipeline executive/setup executive/incident executive/trace executive/log drivers/bus drivers/protocol "
                          "drivers/guard drivers/torque_output",
+    "commissioning": "executive/contract executive/pipeline executive/setup config drivers/bus drivers/protocol",  # no room that runs a robot uses it
     "policy_host": f"{SHARED} config/trouble executive/program executive/trace executive/log",
     "policy_host/remote": f"{SHARED} executive/program executive/log policy_host dds",
     "client": f"{SHARED} policy_host",
@@ -62,7 +61,7 @@ MAY_USE = {
                "lab/artifact lab/data_set lab/judge lab/panel lab/policy_trial lab/study lab/trace",
     "cli/policy": f"{SHARED} cli policy_host monitor/record evidence/policy",
     "cli/top": f"{SHARED} executive/incident cli cli/run cli/evidence drivers/protocol monitor monitor/record monitor/judge monitor/telemetry",
-    "cli/robot": f"{SHARED} executive/setup cli cli/run drivers/bus drivers/protocol drivers/tools drivers/torque_output monitor/record policy_host sensors simulation systemd/deploy systemd/doctor evidence/attestation",
+    "cli/robot": f"{SHARED} cli cli/run commissioning drivers/bus drivers/protocol drivers/torque_output monitor/record policy_host sensors simulation systemd/deploy systemd/doctor evidence/attestation",
     "cli": f"{SHARED} executive/program",
 }
 

@@ -10,7 +10,7 @@
   mutants.py 1a2b3c4d ...           these
   mutants.py --list                 their numbers, without running anything
 
-Exit code 1: a fault of faults.toml survived, or passed the proof that executive/hazards names beside it, or fewer than 95 of 100 mutants were noticed that survivors.toml does not explain.
+Exit code 1: a fault of faults.toml survived, or passed the proof that tests/hazards names beside it, or fewer than 95 of 100 mutants were noticed that survivors.toml does not explain.
 """
 import argparse
 import collections
@@ -155,7 +155,7 @@ def unnoticed_by_proofs(tree, mutants):
         programs = [judges.Program(tree.build, program, [f"--gtest_filter={case}:*/{case}/*:{case}/*:*/{case}"], tree.folder)
                     for program, case in asked]
         if name in numbers and not any(program.run(numbers[name])[0].killed for program in programs):
-            yield f"no proof notices what executive/hazards says it does: {name}: {', '.join(proofs)}"
+            yield f"no proof notices what tests/hazards says it does: {name}: {', '.join(proofs)}"
 
 
 def arguments_of(words):

@@ -9,10 +9,10 @@
 #include <numbers>
 #include <span>
 
+#include "commissioning/home_place.hpp"
 #include "config/drive_presets.hpp"
 #include "drivers/protocol/odrive/odrive_driver.hpp"
 #include "drivers/protocol/placed_driver.hpp"
-#include "drivers/tools/home_place.hpp"
 #include "tests/simulation/drive_loop.hpp"
 
 namespace takt::simulation {
@@ -78,7 +78,7 @@ bool can_be_enabled(test::DriveLoop& loop) {
 }
 
 void tell(test::DriveLoop& loop, const config::Drive& drive, double q) {
-  const auto frame = drivers::home_frame(joint_of(drive), q);
+  const auto frame = commissioning::home_frame(joint_of(drive), q);
   ASSERT_TRUE(frame);
   Frames said;
   loop.device->receive(*frame, loop.now, said);

@@ -12,8 +12,8 @@
 #include <ostream>
 #include <vector>
 
+#include "commissioning/home_place.hpp"
 #include "config/drive_presets.hpp"
-#include "drivers/tools/home_place.hpp"
 #include "simulation/cia402_device.hpp"
 #include "simulation/device_table.hpp"
 #include "simulation/moteus_device.hpp"
@@ -140,7 +140,7 @@ inline std::function<Planted(const Drive&)> told_home(bool and_then_lost_its_sup
     planted.device->update({}, MonoTime{1}, milliseconds(1), said);
     config::Joint joint;
     joint.drive = file;
-    planted.device->receive(*drivers::home_frame(joint, 0), MonoTime{1}, said);
+    planted.device->receive(*commissioning::home_frame(joint, 0), MonoTime{1}, said);
     if (and_then_lost_its_supply) planted.device->power_cycle(MonoTime{1});
     return planted;
   };

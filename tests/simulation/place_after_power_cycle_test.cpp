@@ -13,10 +13,10 @@
 #include <random>
 #include <string>
 
+#include "commissioning/discovery.hpp"
+#include "commissioning/home_place.hpp"
 #include "config/load.hpp"
 #include "drivers/protocol/home_note.hpp"
-#include "drivers/tools/discovery.hpp"
-#include "drivers/tools/home_place.hpp"
 #include "simulation/free_inertias.hpp"
 #include "simulation/robot_plant.hpp"
 #include "tests/simulation/whole_loop.hpp"
@@ -94,7 +94,7 @@ class Bench {
 
   // As `takt bus zero` does, or without the frame that saves.
   void set_zero_here(bool and_save = true) {
-    const auto frames = drivers::zero_frames(robot_.joints[0].drive);
+    const auto frames = commissioning::zero_frames(robot_.joints[0].drive);
     Frames said;
     plant_.step();
     for (std::size_t i = 0; i < (and_save ? frames.size() : 1); ++i) plant_.receive(plant_.bus_of(0), frames[i], said);
@@ -106,12 +106,12 @@ class Bench {
     auto heard = loop();
     heard.run(600);
     const config::Joint& joint = robot_.joints[0];
-    if (const auto frame = drivers::home_frame(joint, place())) {
+    if (const auto frame = commissioning::home_frame(joint, place())) {
       Frames said;
       plant_.receive(plant_.bus_of(0), *frame, said);
       return true;
     }
-    const auto shift = drivers::shift_between(joint, double{heard.joint(0).feedback.q}, place());
+    const auto shift = commissioning::shift_between(joint, double{heard.joint(0).feedback.q}, place());
     if (!shift) return false;
     note_ = drivers::HomeNote{.shift = *shift, .left_at = double{heard.joint(0).feedback.q} + *shift};
     return true;

@@ -9,17 +9,17 @@
 #include <cstdio>
 #include <functional>
 
+#include "commissioning/discovery.hpp"
+#include "commissioning/joint_jog.hpp"
 #include "drivers/protocol/seen_angle.hpp"
-#include "drivers/tools/discovery.hpp"
-#include "drivers/tools/joint_jog.hpp"
 #include "tests/simulation/drive_loop.hpp"
 #include "tests/simulation/misconfigured_drives.hpp"
 
 namespace takt::simulation {
 namespace {
 
+using commissioning::BusScan;
 using config::Drive;
-using drivers::BusScan;
 using drivers::CanFrame;
 using misconfigured::Row;
 
@@ -57,7 +57,7 @@ class Bench {
   std::vector<std::string> scan() {
     const Drive& file = robot_.joints[0].drive;
     BusScan scan({file.protocol}, file.protocol == config::DriveProtocol::odrive ? 0 : 1, 127);
-    for (const CanFrame& question : drivers::own_questions(file, robot_.buses[0])) scan.also_ask(question);
+    for (const CanFrame& question : commissioning::own_questions(file, robot_.buses[0])) scan.also_ask(question);
     for (int ms = 0; ms < 600; ++ms) hear({}, [&scan](const CanFrame& frame) { scan.take(frame); });
     while (const auto question = scan.next_question())
       hear(std::span(&*question, 1), [&scan](const CanFrame& frame) { scan.take(frame); });
@@ -69,22 +69,23 @@ class Bench {
     const auto found = scan.found();
     const auto is_ours = [&file](const BusScan::Drive& one) { return one.id == file.id; };
     const auto ours = std::ranges::find_if(found, is_ours);
-    return drivers::differences(robot_.joints[0], ours == found.end() ? nullptr : &*ours, driver_->feedback());
+    return commissioning::differences(robot_.joints[0], ours == found.end() ? nullptr : &*ours, driver_->feedback());
   }
 
   // Why it was cut short; empty: it moved as asked.
   std::string jog() {
-    drivers::JointJog jog = jogged();
+    commissioning::JointJog jog = jogged();
     return jog.failure();
   }
   // What a jog says of the joint's scale: its drive, its velocity, the eye of a person beside it. Empty: nothing wrong.
   std::string wrong_scale(bool with_an_eye) {
     const double before = q_;
-    const drivers::JointJog jog = jogged();
+    const commissioning::JointJog jog = jogged();
     std::string said = jog.failure();
-    if (const auto own = jog.own_scale(); own && own->verdict == drivers::OwnScale::Verdict::wrong)
+    if (const auto own = jog.own_scale(); own && own->verdict == commissioning::OwnScale::Verdict::wrong)
       said += own->sentence;
-    if (jog.velocity_scale().verdict == drivers::VelocityScale::Verdict::wrong) said += jog.velocity_scale().sentence;
+    if (jog.velocity_scale().verdict == commissioning::VelocityScale::Verdict::wrong)
+      said += jog.velocity_scale().sentence;
     if (with_an_eye)
       said += drivers::contradicted_by_eye(robot_.joints[0], {.moved = jog.moved(), .seen = q_ - before});
     if (said.empty() && !with_an_eye && !jog.believed().empty()) said = "not judged: " + jog.believed();
@@ -92,8 +93,8 @@ class Bench {
   }
 
  private:
-  drivers::JointJog jogged() {
-    drivers::JointJog jog(robot_.joints[0], {.by = 0.1, .speed = 0.2, .torque = 1}, *driver_);
+  commissioning::JointJog jogged() {
+    commissioning::JointJog jog(robot_.joints[0], {.by = 0.1, .speed = 0.2, .torque = 1}, *driver_);
     std::array<CanFrame, drivers::kMaxFramesPerDrive> out;
     while (!jog.ended()) {
       const std::size_t sent = jog.tick(now_, out);

@@ -20,9 +20,9 @@
 #include <functional>
 #include <sstream>
 
-#include "drivers/bus/candump.hpp"
 #include "evidence/review/replay.hpp"
 #include "evidence/review/report/report_text.hpp"
+#include "monitor/record/candump.hpp"
 #include "monitor/record/frame_log.hpp"
 #include "monitor/record/run_seal.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
@@ -170,7 +170,7 @@ TEST_F(RecorderTest, AnUndisturbedRunIsWholeAndSaysSo) {
   std::istringstream log(read_frame_log(run.folder).value());
   std::size_t frames = 0;
   for (std::string line; std::getline(log, line); ++frames) {
-    const auto frame = drivers::parse_candump_line(line);
+    const auto frame = parse_candump_line(line);
     ASSERT_TRUE(frame) << frame.error();
     EXPECT_EQ(frame->interface, "can0");
     EXPECT_EQ(frame->frame.id, 0x123U);
