@@ -5,34 +5,21 @@
 
 #include <algorithm>
 #include <array>
+#include <cstddef>
 #include <string_view>
 
 #include "executive/contract/mode.hpp"
 
 namespace takt::config {
 
-inline constexpr std::array kStopCauses{Cause::operator_stop,
-                                        Cause::shutdown,
-                                        Cause::command_lost,
-                                        Cause::bad_commands,
-                                        Cause::bus_error_passive,
-                                        Cause::transmit_queue_full,
-                                        Cause::receive_overflow,
-                                        Cause::replies_lost,
-                                        Cause::replies_repeated,
-                                        Cause::replies_delayed,
-                                        Cause::foreign_node,
-                                        Cause::bus_babble,
-                                        Cause::envelope_exceeded,
-                                        Cause::overrun,
-                                        Cause::recording_lost,
-                                        Cause::torque_output_lost,
-                                        Cause::tilt,
-                                        Cause::imu_lost,
-                                        Cause::fallback_spent,
-                                        Cause::overtemperature,
-                                        Cause::degraded_spent,
-                                        Cause::following_lost};
+inline constexpr auto kStopCauses = [] {
+  constexpr auto kDamping = std::ranges::count_if(kCauseFacts, &CauseFacts::damps);
+  std::array<Cause, kDamping> causes{};
+  std::size_t count = 0;
+  for (const CauseFacts& row : kCauseFacts)
+    if (row.damps) causes[count++] = row.cause;
+  return causes;
+}();
 
 // Those of them that may leave the robot to its fallback policy: what makes them hurts neither drives nor feedback, nor
 // what that policy sees, and none of them is worse than a person's stop.

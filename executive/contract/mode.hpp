@@ -73,49 +73,68 @@ constexpr std::string_view name(Mode mode) {
   return index < names.size() ? names[index] : "invalid";
 }
 
+// Whom a cause speaks of: a person who wants something; drives or buses; the policy, the base, this computer.
+enum class About : std::uint8_t { person, hardware, other };
+
+struct CauseFacts {
+  Cause cause;
+  std::string_view name;
+  About about;
+  bool damps;  // the reaction table answers it with a damped stop, so that `stops` of a robot file may name it
+};
+
+inline constexpr std::array<CauseFacts, kCauseCount> kCauseFacts{{
+    {Cause::none, "none", About::other, false},
+    {Cause::operator_arm, "operator_arm", About::person, false},
+    {Cause::operator_stop, "operator_stop", About::person, true},
+    {Cause::operator_reset, "operator_reset", About::person, false},
+    {Cause::shutdown, "shutdown", About::person, true},
+    {Cause::drives_enabled, "drives_enabled", About::other, false},
+    {Cause::enable_timeout, "enable_timeout", About::hardware, false},
+    {Cause::contract_violated, "contract_violated", About::other, false},
+    {Cause::contract_restored, "contract_restored", About::other, false},
+    {Cause::command_lost, "command_lost", About::other, true},
+    {Cause::bad_commands, "bad_commands", About::other, true},
+    {Cause::feedback_lost, "feedback_lost", About::hardware, false},
+    {Cause::drive_fault, "drive_fault", About::hardware, false},
+    {Cause::drive_disabled, "drive_disabled", About::hardware, false},
+    {Cause::bus_off, "bus_off", About::hardware, false},
+    {Cause::bus_down, "bus_down", About::hardware, false},
+    {Cause::bus_error_passive, "bus_error_passive", About::hardware, true},
+    {Cause::transmit_queue_full, "transmit_queue_full", About::hardware, true},
+    {Cause::receive_overflow, "receive_overflow", About::hardware, true},
+    {Cause::replies_lost, "replies_lost", About::hardware, true},
+    {Cause::replies_repeated, "replies_repeated", About::hardware, true},
+    {Cause::replies_delayed, "replies_delayed", About::hardware, true},
+    {Cause::foreign_node, "foreign_node", About::hardware, true},
+    {Cause::bus_babble, "bus_babble", About::hardware, true},
+    {Cause::envelope_exceeded, "envelope_exceeded", About::other, true},
+    {Cause::overrun, "overrun", About::other, true},
+    {Cause::recording_lost, "recording_lost", About::other, true},
+    {Cause::internal_error, "internal_error", About::other, false},
+    {Cause::operator_deenergise, "operator_deenergise", About::person, false},
+    {Cause::torque_output_lost, "torque_output_lost", About::other, true},
+    {Cause::tilt, "tilt", About::other, true},
+    {Cause::imu_lost, "imu_lost", About::other, true},
+    {Cause::fallback_spent, "fallback_spent", About::other, true},
+    {Cause::temperature_high, "temperature_high", About::other, false},
+    {Cause::overtemperature, "overtemperature", About::hardware, true},
+    {Cause::degraded_spent, "degraded_spent", About::other, true},
+    {Cause::feedback_implausible, "feedback_implausible", About::hardware, false},
+    {Cause::following_error, "following_error", About::other, false},
+    {Cause::following_lost, "following_lost", About::other, true},
+    {Cause::command_late, "command_late", About::other, false},
+}};
+
 constexpr std::string_view name(Cause cause) {
-  constexpr std::array<std::string_view, kCauseCount> names{"none",
-                                                            "operator_arm",
-                                                            "operator_stop",
-                                                            "operator_reset",
-                                                            "shutdown",
-                                                            "drives_enabled",
-                                                            "enable_timeout",
-                                                            "contract_violated",
-                                                            "contract_restored",
-                                                            "command_lost",
-                                                            "bad_commands",
-                                                            "feedback_lost",
-                                                            "drive_fault",
-                                                            "drive_disabled",
-                                                            "bus_off",
-                                                            "bus_down",
-                                                            "bus_error_passive",
-                                                            "transmit_queue_full",
-                                                            "receive_overflow",
-                                                            "replies_lost",
-                                                            "replies_repeated",
-                                                            "replies_delayed",
-                                                            "foreign_node",
-                                                            "bus_babble",
-                                                            "envelope_exceeded",
-                                                            "overrun",
-                                                            "recording_lost",
-                                                            "internal_error",
-                                                            "operator_deenergise",
-                                                            "torque_output_lost",
-                                                            "tilt",
-                                                            "imu_lost",
-                                                            "fallback_spent",
-                                                            "temperature_high",
-                                                            "overtemperature",
-                                                            "degraded_spent",
-                                                            "feedback_implausible",
-                                                            "following_error",
-                                                            "following_lost",
-                                                            "command_late"};
   const auto index = static_cast<std::size_t>(cause);
-  return index < names.size() ? names[index] : "invalid";
+  return index < kCauseFacts.size() ? kCauseFacts[index].name : "invalid";
 }
+
+static_assert([] {
+  for (std::size_t i = 0; i < kCauseCount; ++i)
+    if (kCauseFacts[i].cause != Cause{static_cast<std::uint8_t>(i)}) return false;
+  return true;
+}());
 
 }  // namespace takt

@@ -23,20 +23,6 @@ class BlockerList {
   std::size_t count_ = 0;
 };
 
-struct BusBlocker {
-  Cause cause;
-  std::string_view what;
-};
-constexpr BusBlocker kBusBlockers[] = {
-    {Cause::bus_off, "a CAN bus is off"},
-    {Cause::bus_down, "a CAN interface is down"},
-    {Cause::bus_error_passive, "a CAN controller is error-passive: check cable, termination and bit rate"},
-    {Cause::transmit_queue_full, "a CAN bus does not take our frames: is another node there to acknowledge them?"},
-    {Cause::receive_overflow, "frames of a CAN bus are lost on this computer: is it overloaded?"},
-    {Cause::foreign_node, "strange frames on our drives' ids: is a second controller on the bus?"},
-    {Cause::bus_babble, "a CAN bus carries more frames than our drives can say"},
-};
-
 std::string_view mode_blocker(Mode mode) {
   switch (mode) {
     case Mode::standby:
@@ -143,21 +129,9 @@ std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, 
               command_blocker(header.seats[Seat::policy].last_refusal));
   list.add_if(has_fallback_policy(config) && !is_usable(header.seats[Seat::fallback].freshness),
               fallback_blocker(header.seats[Seat::fallback].last_refusal));
-  list.add_if((header.causes_active & bit(Cause::bad_commands)) != 0, "commands are being refused");
-  list.add_if((header.causes_active & bit(Cause::overrun)) != 0, "the control loop is late too often");
-  list.add_if(
-      (header.causes_active & bit(Cause::recording_lost)) != 0,
-      "nothing is recorded: start takt-monitor, or see why it stopped (record.recorder: optional moves unrecorded)");
-  list.add_if((header.causes_active & bit(Cause::torque_output_lost)) != 0,
-              "the output that permits torque does not do as it is told (safety.safe_torque_off)");
-  list.add_if((header.causes_active & bit(Cause::imu_lost)) != 0,
-              "no usable sample of the base's IMU: is its process running? takt status says what is wrong with it");
-  list.add_if((header.causes_active & bit(Cause::tilt)) != 0, "the base leans or turns beyond its limits (imu)");
-  list.add_if((header.causes_active & bit(Cause::overtemperature)) != 0,
-              "a drive is too hot, or has not cooled by 5 degrees yet (limits.temperature)");
-  list.add_if((header.causes_active & bit(Cause::internal_error)) != 0, "internal error");
-  for (const BusBlocker& blocker : kBusBlockers)
-    list.add_if((header.causes_active & bit(blocker.cause)) != 0, blocker.what, -1, blocker.cause);
+  for (const Reaction& row : kReactions)
+    list.add_if(!row.blocks_arming.empty() && (header.causes_active & bit(row.cause)) != 0, row.blocks_arming, -1,
+                row.cause);
   for (std::size_t j = 0; j < header.joint_count && j < config.joint_count; ++j)
     list_joint(latest.joints[j], static_cast<std::int32_t>(j), header, config, list);
   return list.count();

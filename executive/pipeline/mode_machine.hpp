@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Cause -> reaction, in one place. Each row says how severe the cause is, which mode it leads to from each mode
-// (the mode itself: no reaction there), how far and how hard it stops, within which bound, and what clears it. Of all
-// causes that hold in a tick, the most severe one that reacts in the present mode decides.
+// (the mode itself: no reaction there), how far and how hard it stops, within which bound, what clears it, and what is
+// said where it blocks arming. Of all causes that hold in a tick, the most severe one that reacts in the present mode
+// decides.
 //
 // Stops have a scope: the joints that the cause is about, what hangs on them (limbs.hpp), the rest of the robot; and a
 // category, as IEC 60204-1 names them:
@@ -53,6 +54,7 @@ struct Reaction {
   Scope stops{};                      // all none: no stop
   std::string_view bound;             // empty: no stop
   std::string_view clears_when;
+  std::string_view blocks_arming{};  // what an arming is refused with while it holds; empty: it blocks none
   [[nodiscard]] constexpr Mode from(Mode mode) const { return to[static_cast<std::size_t>(mode)]; }
 };
 
@@ -68,7 +70,7 @@ inline constexpr Scope kNo{}, kRest{.robot = Stop::category_2}, kEnd{.robot = St
 inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
   using namespace reaction_detail;
   return std::array<Reaction, kCauseCount>{{
-    // cause                    severity  S  A  T  D  P  F   stops  bound, clears when
+    // cause                    severity  S  A  T  D  P  F   stops  bound, clears when, blocks arming
     {Cause::none,                  0,  {S, A, T, D, P, F}, kNo,   "",
       "always"},
     {Cause::operator_arm,         10,  {A, A, T, D, P, F}, kNo,   "",
@@ -91,7 +93,8 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
       "takt reset; arming waits for a usable command"},
     {Cause::bad_commands,         55,  {S, P, P, P, P, F}, kRest,
       "freshness.bad_command_limit messages or freshness.clamped_share of the window, one tick",
-      "refusals and clamped ticks in the window fall to their limits; then takt reset"},
+      "refusals and clamped ticks in the window fall to their limits; then takt reset",
+      "commands are being refused"},
     {Cause::feedback_lost,        80,  {S, F, F, F, F, F}, kLoss, "feedback.timeout, one tick",
       "every joint replies again; then takt reset"},
     {Cause::drive_fault,          85,  {S, F, F, F, F, F}, kLoss, "one tick",
@@ -99,16 +102,21 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
     {Cause::drive_disabled,       75,  {S, A, F, F, F, F}, kLoss, "one tick",
       "takt reset"},
     {Cause::bus_off,              90,  {S, F, F, F, F, F}, kLoss, "one tick",
-      "the controller left bus-off, by itself or by takt bus up; then takt reset"},
+      "the controller left bus-off, by itself or by takt bus up; then takt reset",
+      "a CAN bus is off"},
     {Cause::bus_down,             91,  {S, F, F, F, F, F}, kLoss, "one tick",
-      "the interface is up; then takt reset"},
+      "the interface is up; then takt reset",
+      "a CAN interface is down"},
     // Bus faults that still let us steer: a damped stop, while that is true. Severity: the nearer to the root, the higher.
     {Cause::bus_error_passive,    59,  {S, P, P, P, P, F}, kRest, "bus_faults.window, one tick",
-      "its share of the window falls to the limit; then takt reset"},
+      "its share of the window falls to the limit; then takt reset",
+      "a CAN controller is error-passive: check cable, termination and bit rate"},
     {Cause::transmit_queue_full,  66,  {S, P, P, P, P, F}, kRest, "bus_faults.window, one tick",
-      "drops in the window fall to the limit; then takt reset"},
+      "drops in the window fall to the limit; then takt reset",
+      "a CAN bus does not take our frames: is another node there to acknowledge them?"},
     {Cause::receive_overflow,     67,  {S, P, P, P, P, F}, kRest, "bus_faults.window, one tick",
-      "drops in the window fall to the limit; then takt reset"},
+      "drops in the window fall to the limit; then takt reset",
+      "frames of a CAN bus are lost on this computer: is it overloaded?"},
     {Cause::replies_lost,         64,  {S, P, P, P, P, F}, kRest, "bus_faults.window, one tick",
       "losses in the window fall to the limit; then takt reset"},
     {Cause::replies_repeated,     63,  {S, P, P, P, P, F}, kRest, "bus_faults.window, one tick",
@@ -116,35 +124,44 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
     {Cause::replies_delayed,      62,  {S, P, P, P, P, F}, kRest, "bus_faults.window, one tick",
       "delays in the window fall to the limit; then takt reset"},
     {Cause::foreign_node,         69,  {S, P, P, P, P, F}, kRest, "bus_faults.window, one tick",
-      "foreign frames in the window fall to the limit; then takt reset"},
+      "foreign frames in the window fall to the limit; then takt reset",
+      "strange frames on our drives' ids: is a second controller on the bus?"},
     {Cause::bus_babble,           68,  {S, P, P, P, P, F}, kRest, "bus_faults.window, one tick",
-      "flooded ticks in the window fall to the limit; then takt reset"},
+      "flooded ticks in the window fall to the limit; then takt reset",
+      "a CAN bus carries more frames than our drives can say"},
     {Cause::envelope_exceeded,    65,  {S, P, P, P, P, F}, kRest, "one tick",
       "position and speed inside the hard envelope; then takt reset"},
     {Cause::overrun,              58,  {S, P, P, P, P, F}, kRest, "control.late_share of the window, one tick",
-      "late and skipped periods in the window fall to the limit; then takt reset"},
+      "late and skipped periods in the window fall to the limit; then takt reset",
+      "the control loop is late too often"},
     {Cause::recording_lost,       57,  {S, P, P, P, P, F}, kRest, "the recorder's end, or 4096 ticks without its word, one tick",
-      "the recorder writes again; then takt reset"},
+      "the recorder writes again; then takt reset",
+      "nothing is recorded: start takt-monitor, or see why it stopped (record.recorder: optional moves unrecorded)"},
     {Cause::internal_error,      100,  {S, F, F, F, F, F}, kSag, "the same tick",
-      "takt reset; report it"},
+      "takt reset; report it",
+      "internal error"},
     // Above every fault, our own bugs included: a person who wants no power gets none.
     {Cause::operator_deenergise, 110,  {S, S, S, S, S, S}, kOff,  "one tick",
       "request, one tick; granted always"},
     // The drives still hear us, so the robot comes to rest while it has torque; then arming is refused.
     {Cause::torque_output_lost,   56,  {S, P, P, P, P, F}, kRest, "one tick",
-      "the output does as it is told; then takt reset"},
+      "the output does as it is told; then takt reset",
+      "the output that permits torque does not do as it is told (safety.safe_torque_off)"},
     {Cause::tilt,                 54,  {S, P, P, P, P, F}, kRest, "one tick",
-      "the base is upright and still within imu.tilt and imu.angular_velocity; then takt reset"},
+      "the base is upright and still within imu.tilt and imu.angular_velocity; then takt reset",
+      "the base leans or turns beyond its limits (imu)"},
     // What is commanded next would be decided by an unknown attitude.
     {Cause::imu_lost,             53,  {S, P, P, P, P, F}, kRest, "the IMU sensor's timeout, one tick",
-      "a usable sample; then takt reset"},
+      "a usable sample; then takt reset",
+      "no usable sample of the base's IMU: is its process running? takt status says what is wrong with it"},
     {Cause::fallback_spent,       51,  {S, A, T, P, P, F}, kRest, "fallbacks.NAME.for or freshness.clamped_share of the window, one tick",
       "the policy's contract is restored, or the mode left; then takt reset"},
     // A warning, unless the robot file wants the robot degraded by it.
     {Cause::temperature_high,     31,  {S, A, D, D, P, F}, kNo,   "",
       "every drive is 5 degrees cooler than its warning; mode: contract_restored"},
     {Cause::overtemperature,      52,  {S, P, P, P, P, F}, kRest, "one tick",
-      "every drive is 5 degrees cooler than its limit; then takt reset"},
+      "every drive is 5 degrees cooler than its limit; then takt reset",
+      "a drive is too hot, or has not cooled by 5 degrees yet (limits.temperature)"},
     {Cause::degraded_spent,       49,  {S, A, T, P, P, F}, kRest, "degraded.for, one tick",
       "the mode is left; then takt reset"},
     // Such a joint's position is unknown: as if it were silent.

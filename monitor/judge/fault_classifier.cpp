@@ -19,58 +19,9 @@ bool relied_on_policy(Mode mode) {
   return mode == Mode::tracking || mode == Mode::degraded;
 }
 
-// The cause speaks of drives or buses, and no person wanted it.
-bool is_drive_or_bus(Cause cause) {
-  switch (cause) {
-    case Cause::enable_timeout:
-    case Cause::feedback_lost:
-    case Cause::feedback_implausible:
-    case Cause::drive_fault:
-    case Cause::drive_disabled:
-    case Cause::bus_off:
-    case Cause::bus_down:
-    case Cause::bus_error_passive:
-    case Cause::transmit_queue_full:
-    case Cause::receive_overflow:
-    case Cause::replies_lost:
-    case Cause::replies_repeated:
-    case Cause::replies_delayed:
-    case Cause::foreign_node:
-    case Cause::bus_babble:
-    case Cause::overtemperature:
-      return true;
-    case Cause::none:
-    case Cause::operator_arm:
-    case Cause::operator_stop:
-    case Cause::operator_reset:
-    case Cause::shutdown:
-    case Cause::drives_enabled:
-    case Cause::contract_violated:
-    case Cause::command_late:
-    case Cause::contract_restored:
-    case Cause::command_lost:
-    case Cause::bad_commands:
-    case Cause::envelope_exceeded:
-    case Cause::overrun:
-    case Cause::recording_lost:
-    case Cause::internal_error:
-    case Cause::operator_deenergise:
-    case Cause::torque_output_lost:
-    case Cause::tilt:
-    case Cause::imu_lost:
-    case Cause::fallback_spent:
-    case Cause::temperature_high:
-    case Cause::following_error:
-    case Cause::following_lost:
-    case Cause::degraded_spent:
-      return false;
-  }
-  return false;
-}
-
-bool is_wish(Cause cause) {
-  return cause == Cause::operator_stop || cause == Cause::shutdown || cause == Cause::operator_reset ||
-         cause == Cause::operator_deenergise;
+bool is_about(Cause cause, About whom) {
+  const auto index = static_cast<std::size_t>(cause);
+  return index < kCauseFacts.size() && kCauseFacts[index].about == whom;
 }
 
 // Refused for what it says or when it was numbered, not for its age.
@@ -97,7 +48,7 @@ bool is_refused_for_content(Arrival arrival) {
 }
 
 bool enters_trouble(const TickRecordHeader& header) {
-  if (header.mode == header.previous_mode || is_wish(header.cause)) return false;
+  if (header.mode == header.previous_mode || is_about(header.cause, About::person)) return false;
   return header.mode == Mode::degraded || header.mode == Mode::damped_stop || header.mode == Mode::fault_latched;
 }
 
@@ -188,7 +139,7 @@ void FaultEvidence::take(const FaultClue& clue) {
   bad_commands = bad_commands || clue.cause == Cause::bad_commands;
   imu_lost = imu_lost || clue.cause == Cause::imu_lost;
   other_session = other_session || clue.is_other_session;
-  if (is_drive_or_bus(clue.cause) && fault_cause == Cause::none) fault_cause = clue.cause;
+  if (is_about(clue.cause, About::hardware) && fault_cause == Cause::none) fault_cause = clue.cause;
 }
 
 void FaultEvidence::take(const FaultEvidence& other) {
