@@ -51,7 +51,8 @@ std::vector<std::string> missing_for_arming(const TickRecord& latest, const pipe
   else if (!situation.policy_attached)
     sentences.emplace_back(latest.header.candidate.in_charge != 0
                                ? "the candidate in charge does not run: start it again, or takt policy back"
-                               : "no policy is attached: start takt-policy-host");
+                               : "no policy is attached: takt-policy-host --robot FILE, as a service: systemctl start "
+                                 "takt-policy-host@robot");
   if (latest.header.tick == 0) sentences.emplace_back("the control loop has not run yet: try again");
   std::array<pipeline::ArmingBlocker, kMaxBlockers> blockers{};
   const std::size_t count = pipeline::arming_blockers(latest, config, blockers);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "executive/runtime/operator_log.hpp"
 
+#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <fstream>
@@ -37,6 +38,9 @@ void OperatorLog::note(const ipc::Peer& peer, OperatorVerb verb, const OperatorR
                word.answer[0] != '\0' ? word.answer
                : word.done != 0       ? "done"
                                       : "refused");
+  const bool is_stop =
+      verb == OperatorVerb::stop || verb == OperatorVerb::press_stop || verb == OperatorVerb::deenergise;
+  if (is_stop && word.done != 0) last_stop_ = fmt::format("{} (pid {}), user {}", word.program, word.pid, word.uid);
   if (waiting_.size() == kMost) waiting_.pop_front();
   waiting_.push_back(word);
 }

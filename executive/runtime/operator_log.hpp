@@ -21,9 +21,12 @@ class OperatorLog {
   void note(const ipc::Peer& peer, OperatorVerb verb, const OperatorReply& reply, MonoTime heard_at);
   // Oldest first, for as long as `pass` says that it could.
   void pass_all(const std::function<bool(const OperatorWord&)>& pass);
+  // Who asked for the last stop that was done: "takt (pid 4711), user 1000". Empty: there was none.
+  [[nodiscard]] const std::string& last_stop() const { return last_stop_; }
 
  private:
   std::deque<OperatorWord> waiting_;
+  std::string last_stop_;
 };
 
 }  // namespace takt::runtime

@@ -40,8 +40,8 @@ std::string with_reason(std::string sentence, std::string_view question, const s
 constexpr std::string_view kIsHostRunning = "the policy host's log says why, docs/troubleshooting.md what to do";
 constexpr std::string_view kIsFallbackHostRunning = "is its host running (takt-policy-host --fallback)?";
 
-bool waits_for_command_alone(const std::vector<std::string>& missing) {
-  return !missing.empty() && std::ranges::all_of(missing, [](const std::string& sentence) {
+bool waits_for_command(const std::vector<std::string>& missing) {
+  return std::ranges::any_of(missing, [](const std::string& sentence) {
     return sentence.starts_with("no fresh command: ") && sentence.ends_with(kIsHostRunning);
   });
 }
@@ -125,7 +125,7 @@ void Reception::arm(pid_t asker, OperatorReply& reply) {
   auto missing = this->missing();
   // No command of before a reset counts after it: the next one is on its way.
   const auto give_up_at = std::chrono::steady_clock::now() + kRequestPatience;
-  while (waits_for_command_alone(missing) && std::chrono::steady_clock::now() < give_up_at) {
+  while (waits_for_command(missing) && std::chrono::steady_clock::now() < give_up_at) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
     parts_.follower.catch_up();
     missing = this->missing();
@@ -135,6 +135,8 @@ void Reception::arm(pid_t asker, OperatorReply& reply) {
   for (const std::string& sentence : missing)
     say(reply, with_reason(with_reason(sentence, kIsHostRunning, words_.problem(in_charge)), kIsFallbackHostRunning,
                            words_.problem(Role::fallback_policy)));
+  if (const IncidentNote stop = incident(); stop.stands != 0 && stop.stop_asked != 0 && !operators_.last_stop().empty())
+    say(reply, "it was stopped by " + operators_.last_stop());
   if (!missing.empty()) return;
   const std::uint64_t tick = latest.header.tick;
   parts_.requests.arm();

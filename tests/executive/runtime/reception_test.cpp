@@ -3,6 +3,7 @@
 // by the real reception in a thread, with a real loop in virtual drives' company; clients as the other programs are.
 #include "executive/runtime/reception.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -344,6 +345,17 @@ TEST_F(ReceptionTest, AStopEndsAPendingArming) {
       EXPECT_THAT(ask(OperatorVerb::arm).sentences, HasSubstr("a stop was asked for since this command began to ask"));
     EXPECT_EQ(ask(OperatorVerb::reset).status.tick.mode, Mode::standby);
   }
+}
+
+// Goal: who is refused because another stopped the robot learns who that was. Method: a stop by this process.
+TEST_F(ReceptionTest, ARefusedArmingSaysWhoStoppedTheRobot) {
+  const Attached attached = attach_policy();
+  ASSERT_EQ(arm_until_granted(), "");
+  EXPECT_EQ(ask(OperatorVerb::stop).done, 1);
+  const std::string program = std::string(program_invocation_short_name).substr(0, 15);
+  ASSERT_TRUE(until([](const StatusSnapshot& status) { return status.tick.mode == Mode::damped_stop; }));
+  EXPECT_THAT(ask(OperatorVerb::arm).sentences,
+              HasSubstr(fmt::format("it was stopped by {} (pid {}), user {}", program, getpid(), getuid())));
 }
 
 // Goal: who arms at once after a reset is not refused for want of a command that is on its way. Method: a policy that
