@@ -2,6 +2,9 @@
 // A comparison for the terminal and as JSON.
 #include <fmt/format.h>
 
+#include <cstdint>
+#include <string>
+
 #include "lab/judge/compare.hpp"
 
 namespace takt::lab {
@@ -30,13 +33,17 @@ std::string metric_line(const MetricDifference& metric) {
                      metric.left_out == 0 ? "" : fmt::format(" {} pairs left out", metric.left_out));
 }
 
-std::string group_text(const GroupComparison& group) {
+enum class Numbers : std::uint8_t { all, with_a_star };
+
+std::string group_text(const GroupComparison& group, Numbers which) {
   const SuccessTable& success = group.success;
-  std::string text = fmt::format("\n{} ({} pairs)\n", title(group), success.pairs());
-  text += fmt::format("  success: {}\n", success_text(success));
-  text += fmt::format("  {:<36}{:>11}{:>11}{:>11}{:>10}  {}\n", "", "A", "B", "B - A", "B better", "95 % interval");
-  for (const MetricDifference& metric : group.metrics) text += metric_line(metric);
-  return text;
+  std::string lines;
+  for (const MetricDifference& metric : group.metrics)
+    if (which == Numbers::all || metric.is_clear) lines += metric_line(metric);
+  const std::string heads =
+      fmt::format("  {:<36}{:>11}{:>11}{:>11}{:>10}  {}\n", "", "A", "B", "B - A", "B better", "95 % interval");
+  return fmt::format("\n{} ({} pairs)\n  success: {}\n", title(group), success.pairs(), success_text(success)) +
+         (lines.empty() ? "  none of its numbers has a star\n" : heads + lines);
 }
 
 std::string row_cells(const evidence::RolloutRow& row) {
@@ -120,13 +127,13 @@ Json json_of(const Side& side) {
 std::string comparison_text(const Comparison& comparison) {
   std::string text =
       verdict_text(comparison.pooled.success) + clear_text(comparison.pooled.metrics) + head_text(comparison);
-  text += group_text(comparison.pooled) + "  success " + any_look_text(comparison.pooled.success);
+  text += group_text(comparison.pooled, Numbers::all) + "  success " + any_look_text(comparison.pooled.success);
   if (comparison.margin) text += '\n' + margin_text(comparison, *comparison.margin);
-  for (const GroupComparison& group : comparison.groups) text += group_text(group);
+  for (const GroupComparison& group : comparison.groups) text += group_text(group, Numbers::with_a_star);
   return text +
          "\nB better: share of the pairs, ties half.\n"
          "* survives Holm's correction over its table: without any difference at most one table in twenty has a "
-         "star.\n";
+         "star. Of one perturbation only those that have one are shown; --json has all.\n";
 }
 
 std::string comparison_rows_text(const Comparison& comparison) {

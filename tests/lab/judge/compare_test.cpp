@@ -87,6 +87,9 @@ TEST_F(CompareTest, PairsRowByRow) {
   EXPECT_NE(text.find("only A 0, only B 8, exact McNemar p = 0.00781"), std::string::npos) << text;
   const std::size_t shown = text.find("\n              age_per_command.total.p95_ms: A is better, ");
   EXPECT_LT(shown, text.find("\npanel ")) << "beside the verdict: " << text;
+  const std::string of_stall = text.substr(text.find("\nreach, stall"));
+  EXPECT_NE(of_stall.find("age_per_command.total.p95_ms"), std::string::npos) << of_stall;
+  EXPECT_EQ(of_stall.find("recovery_s"), std::string::npos) << "no star: " << of_stall;
   EXPECT_EQ(to_json(result)["groups"][1]["success"]["only_b"], 8);
   EXPECT_EQ(comparison_html(result).find("<script"), std::string::npos);
   EXPECT_EQ(comparison_html(result).find("Fault classifier"), std::string::npos) << "no cause was planted";
