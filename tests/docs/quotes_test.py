@@ -11,7 +11,7 @@ import re
 import sys
 
 PAGE = "docs/troubleshooting.md"
-ROOMS = ("executive", "config", "dds", "drivers", "policy_host", "client", "sensors", "monitor", "simulation", "evidence", "systemd", "cli")
+ROOMS = ("executive", "config", "dds", "drivers", "commissioning", "policy_host", "client", "sensors", "monitor", "simulation", "evidence", "systemd", "cli")
 MOST_ROWS = 40
 
 

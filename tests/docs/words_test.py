@@ -36,7 +36,7 @@ PRINTED_PARTS = {
                        (r"\| model \| velocity", r"$", "config/drives/make_presets.py")],
     "docs/panels.md": [(r"<!-- made by ", r"<!-- end of what it made", "tests/docs/headline_table.py --write")],
 }
-ROOMS = ("executive", "config", "dds", "drivers", "policy_host", "client", "sensors", "monitor", "simulation", "evidence", "lab", "systemd", "cli")
+ROOMS = ("executive", "config", "dds", "drivers", "commissioning", "policy_host", "client", "sensors", "monitor", "simulation", "evidence", "lab", "systemd", "cli")
 RECORDED = {"monitor/record/tick_schema.cpp"}  # its words are in every run folder
 
 # Ends of the names of sources; the second's comments begin with #.
