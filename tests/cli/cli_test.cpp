@@ -785,7 +785,8 @@ TEST_F(Cli, ALiveExecutiveRefusesToArmAndKeepsItsPlace) {
 
   const Ended armed = run("arm" + where);
   EXPECT_EQ(armed.exit_code, 1);
-  EXPECT_NE(armed.output.find("no policy is attached: takt-policy-host --robot FILE"), std::string::npos) << armed.output;
+  EXPECT_NE(armed.output.find("no policy is attached: takt-policy-host --robot FILE"), std::string::npos)
+      << armed.output;
   const auto json = nlohmann::json::parse(run("arm --json" + where).output);
   EXPECT_FALSE(json["done"].get<bool>());
   EXPECT_GE(json["sentences"].size(), 1U);
