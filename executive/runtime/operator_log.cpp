@@ -40,6 +40,8 @@ void OperatorLog::note(const ipc::Peer& peer, OperatorVerb verb, const OperatorR
                                       : "refused");
   const bool is_stop =
       verb == OperatorVerb::stop || verb == OperatorVerb::press_stop || verb == OperatorVerb::deenergise;
+  const bool is_over = verb == OperatorVerb::reset || verb == OperatorVerb::arm;
+  if (is_over && word.done != 0) last_stop_.clear();
   if (is_stop && word.done != 0) last_stop_ = fmt::format("{} (pid {}), user {}", word.program, word.pid, word.uid);
   if (waiting_.size() == kMost) waiting_.pop_front();
   waiting_.push_back(word);

@@ -21,7 +21,7 @@ class OperatorLog {
   void note(const ipc::Peer& peer, OperatorVerb verb, const OperatorReply& reply, MonoTime heard_at);
   // Oldest first, for as long as `pass` says that it could.
   void pass_all(const std::function<bool(const OperatorWord&)>& pass);
-  // Who asked for the last stop that was done: "takt (pid 4711), user 1000". Empty: there was none.
+  // Who asked last for a stop since the robot was reset or armed: "takt (pid 4711), user 1000". Empty: no operator did.
   [[nodiscard]] const std::string& last_stop() const { return last_stop_; }
 
  private:

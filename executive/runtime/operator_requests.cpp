@@ -125,7 +125,8 @@ void Reception::arm(pid_t asker, OperatorReply& reply) {
   auto missing = this->missing();
   // No command of before a reset counts after it: the next one is on its way.
   const auto give_up_at = std::chrono::steady_clock::now() + kRequestPatience;
-  while (waits_for_command(missing) && std::chrono::steady_clock::now() < give_up_at) {
+  while (leases_[seat_in_charge()].attached && waits_for_command(missing) &&
+         std::chrono::steady_clock::now() < give_up_at) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
     parts_.follower.catch_up();
     missing = this->missing();
@@ -136,7 +137,7 @@ void Reception::arm(pid_t asker, OperatorReply& reply) {
     say(reply, with_reason(with_reason(sentence, kIsHostRunning, words_.problem(in_charge)), kIsFallbackHostRunning,
                            words_.problem(Role::fallback_policy)));
   if (const IncidentNote stop = incident(); stop.stands != 0 && stop.stop_asked != 0 && !operators_.last_stop().empty())
-    say(reply, "it was stopped by " + operators_.last_stop());
+    say(reply, "a stop was asked for by " + operators_.last_stop());
   if (!missing.empty()) return;
   const std::uint64_t tick = latest.header.tick;
   parts_.requests.arm();

@@ -88,6 +88,17 @@ TEST(ModeMachine, EveryModeAndCauseReactsAsWritten) {
   }
 }
 
+// By hand, as the causes above: what is said may change, that it blocks may not.
+TEST(ModeMachine, TheseCausesBlockArming) {
+  constexpr CauseMask kBlocking =
+      bit(Cause::bad_commands) | bit(Cause::bus_off) | bit(Cause::bus_down) | bit(Cause::bus_error_passive) |
+      bit(Cause::transmit_queue_full) | bit(Cause::receive_overflow) | bit(Cause::foreign_node) |
+      bit(Cause::bus_babble) | bit(Cause::overrun) | bit(Cause::recording_lost) | bit(Cause::internal_error) |
+      bit(Cause::torque_output_lost) | bit(Cause::tilt) | bit(Cause::imu_lost) | bit(Cause::overtemperature);
+  for (const Reaction& row : kReactions)
+    EXPECT_EQ(!row.blocks_arming.empty(), (kBlocking & bit(row.cause)) != 0) << name(row.cause);
+}
+
 TEST(ModeMachine, TheMoreSevereOfTwoWins) {
   for (const Reaction& a : kReactions) {
     for (const Reaction& b : kReactions) {

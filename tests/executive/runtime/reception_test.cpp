@@ -355,11 +355,31 @@ TEST_F(ReceptionTest, ARefusedArmingSaysWhoStoppedTheRobot) {
   const std::string program = std::string(program_invocation_short_name).substr(0, 15);
   ASSERT_TRUE(until([](const StatusSnapshot& status) { return status.tick.mode == Mode::damped_stop; }));
   EXPECT_THAT(ask(OperatorVerb::arm).sentences,
-              HasSubstr(fmt::format("it was stopped by {} (pid {}), user {}", program, getpid(), getuid())));
+              HasSubstr(fmt::format("a stop was asked for by {} (pid {}), user {}", program, getpid(), getuid())));
+}
+
+// Goal: no stop is ascribed to who asked for an earlier one. Method: a stop, a refused and a granted reset, in the log
+// alone.
+TEST(OperatorLog, ForgetsWhoStoppedOnceTheRobotIsReset) {
+  OperatorLog log;
+  const ipc::Peer peer{.hello = {}, .pid = getpid(), .uid = getuid()};
+  const auto note = [&](OperatorVerb verb, bool done) {
+    OperatorReply reply;
+    reply.done = done ? 1 : 0;
+    log.note(peer, verb, reply, MonoTime{1});
+  };
+  note(OperatorVerb::stop, false);
+  EXPECT_EQ(log.last_stop(), "") << "it came to nothing";
+  note(OperatorVerb::press_stop, true);
+  note(OperatorVerb::reset, false);
+  EXPECT_THAT(log.last_stop(), HasSubstr(fmt::format("(pid {})", getpid())));
+  note(OperatorVerb::reset, true);
+  EXPECT_EQ(log.last_stop(), "");
 }
 
 // Goal: who arms at once after a reset is not refused for want of a command that is on its way. Method: a policy that
-// is silent, and nothing else missing: the refusal comes once the policy has had its time, and no earlier.
+// is silent, and nothing else missing, then drives that are silent too: the refusal comes once the policy has had its
+// time, and no earlier.
 TEST_F(ReceptionTest, ArmingWaitsForTheFirstCommand) {
   const Attached attached = attach_policy(Role::policy, false);
   const auto refusal = [this] { return std::string(ask(OperatorVerb::arm).sentences); };
@@ -368,6 +388,11 @@ TEST_F(ReceptionTest, ArmingWaitsForTheFirstCommand) {
   const auto asked_at = std::chrono::steady_clock::now();
   EXPECT_EQ(refusal(), alone);
   EXPECT_GE(std::chrono::steady_clock::now() - asked_at, kRequestPatience);
+  drives_->stop();
+  ASSERT_TRUE(until([&](const StatusSnapshot&) { return refusal().find("no recent feedback") != std::string::npos; }));
+  const auto asked_again_at = std::chrono::steady_clock::now();
+  EXPECT_THAT(refusal(), HasSubstr(alone));
+  EXPECT_GE(std::chrono::steady_clock::now() - asked_again_at, kRequestPatience);
 }
 
 // Goal: what a policy's host says kept it from answering stands in the place of the question whether it runs, in the
